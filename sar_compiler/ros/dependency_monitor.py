@@ -378,10 +378,10 @@ class _Localisation:
         }
 
     def _restore(self) -> str:
-        """Send the last pose to a restarted localisation if the robot has not moved since; return a message."""
+        """Send the robot's last pose to a restarted localisation if the robot has not moved; return a message."""
         if conflict := self._robot.localisation_conflict():
             return f"A localisation node has appeared. No pose is sent to this node, because it may belong to another robot: {conflict}."
-        ask = f"send it the pose ({self._poses}; in RViz: 2D Pose Estimate)"
+        ask = f"send the pose to the localisation ({self._poses}; in RViz: 2D Pose Estimate)"
         if self._robot.pose is None:
             return f"The localisation is back, but its last pose is unknown: {ask}."
         if self._robot.odometry_at_pose is None or self._robot.odometry is None:

@@ -58,7 +58,9 @@ def behaviour_title(behaviour: Behaviour | None) -> str:
 
 
 def failure_locations(behaviour: Behaviour | None, error: BaseException) -> str:
-    """Return the source locations of a behaviour's exception, in parentheses: the lines in the tree file and in Python code.
+    """Return the source locations of a behaviour's exception, in parentheses.
+
+    The locations are the line in the tree file and the line in Python code.
 
     The line in Python code is the line of the behaviour's own method. Functions called by this method are only shown in the traceback. The
     result is empty if neither location is known.
@@ -216,14 +218,14 @@ def settle(root: Behaviour, executor: Executor, timeout_sec: float, node: Node |
 
 
 def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
-    """Stop the leaves among some behaviours of a tree that has not been ticked yet."""
+    """Stop all leaves among the given behaviours. Their tree has not been ticked yet."""
     for behaviour in behaviours:
         if not behaviour.children:
             _stop_behaviour(behaviour, node)
 
 
 def send_cancels(root: Behaviour, node: Node | None) -> None:
-    """Stop a tree's leaves, so that they cancel their goals, while the executor's thread is blocked.
+    """Stop a tree's leaves while the executor's thread is blocked, so that the leaves cancel their goals.
 
     Call this function from another thread. It does not wait for the responses. It first stops the leaves that may still have work in
     progress afterwards.

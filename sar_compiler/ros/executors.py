@@ -17,7 +17,7 @@ from rclpy.node import Node
 
 
 def call_soon(executor: Any, method: Callable[[], object]) -> None:
-    """Schedule a method to be called in an executor's thread, unless its object is deleted before the call.
+    """Schedule a method call in an executor's thread. If the method's object is deleted, the call is omitted.
 
     This function may be called from any thread. After a shutdown, rclpy's `EventsExecutor` keeps pending calls in C++, where Python's
     garbage collector does not see them. A pending call with a bound method would therefore keep all objects of a run in memory forever.
@@ -36,7 +36,7 @@ def call_soon(executor: Any, method: Callable[[], object]) -> None:
 
 
 def make_executor(context: Context, kind: str) -> Executor:
-    """Create an `EventsExecutor` if *kind* is `events` and rclpy has the class; otherwise use a wait set."""
+    """Create an `EventsExecutor` if *kind* is `events` and rclpy has this class; otherwise create a `SingleThreadedExecutor`."""
     if kind == "events":
         with suppress(ImportError):
             from rclpy.experimental import EventsExecutor

@@ -53,12 +53,15 @@ class PublisherAlternation:
                 self._falls[child] = (self._falls.get(child, (-math.inf, -math.inf))[1], at_sec)
 
     def contested_frames(self, now_sec: float) -> list[str]:
-        """Return the frames with several publishers, given the current time on the clock of `add`."""
+        """Return the frames with several publishers.
+
+        *now_sec* is the current time on the clock whose times were passed to `add`.
+        """
         return sorted(child for child, (at, _) in self._falls.items() if now_sec - at <= _CONFLICT_SEC)
 
 
 class _StaticFrame(NamedTuple):
-    """The last static transform of a frame with its sequence number, and the publishers if they disagree."""
+    """The last static transform of a frame, its sequence number, and the publishers that disagree about the transform."""
 
     transform: RigidTransform
     number: int
@@ -71,7 +74,7 @@ def listener_name(node: "Node") -> str:
 
 
 class FrameSources:
-    """Listens to transforms and to the sequence numbers of the messages; created by `frame_sources`.
+    """Listens to transforms and to the sequence numbers of their messages; created by `frame_sources`.
 
     The listener has its own node, which is never spun. Messages are queued until the next query, and take no processor time until then. (A
     subscription's callback is not possible, because rclpy's EventsExecutor cannot pass the sequence number.)
@@ -131,7 +134,7 @@ class FrameSources:
         if not fixed or not moving or time.time() - self._moved_at.get(child, -math.inf) > _MOVING_SEC:
             return ""
         return (
-            f"frame '{child}' is static ({static_topic}, from {join_names(fixed)}) and moves ({moving_topic}, from {join_names(moving)}). "
+            f"frame '{child}' is published as static ({static_topic}, by {join_names(fixed)}) and as moving ({moving_topic}, by {join_names(moving)}). "
             f"Stop one of these nodes"
         )
 

@@ -34,7 +34,7 @@ _Displacement = tuple[float, float, float]
 
 
 class Transform(NamedTuple):
-    """The pose of one frame in another.
+    """The pose of one frame in another frame.
 
     Attributes:
         x: The position's x, in metres.

@@ -76,7 +76,7 @@ class Endpoint:
     attribute: str = ""
 
     def remappings(self, target: str) -> list[str]:
-        """Return the remapping rules that map this name to another name; the other name is given in full."""
+        """Return the remapping rules that map this name to another full name."""
         parts = {
             "action": [f"/_action/{part}" for part in _ACTION_PARTS],
             "node": [_STATE_SERVICE],
@@ -116,7 +116,7 @@ class EndpointState:
 
     @property
     def hint(self) -> str:
-        """The alternatives as the end of a sentence, such as `, but there is /tb1/scan`; empty without alternatives."""
+        """A sentence ending with the alternatives, such as `, but there is /tb1/scan`; empty if there are none."""
         return f", but there is {join_names(self.elsewhere, 'or')}" if self.elsewhere else ""
 
     @property
@@ -136,7 +136,7 @@ class EndpointState:
 
     @property
     def explanation(self) -> str:
-        """The alternatives and the remedy as the end of a sentence; empty without an alternative."""
+        """A sentence ending with the alternatives and the remedy; empty if there are no alternatives."""
         return f"{self.hint}: {self.remedy}" if self.elsewhere else ""
 
     @property
@@ -165,7 +165,7 @@ class RosGraph:
         return self._get_cached((endpoint, str(endpoint.qos)), lambda: self._query_endpoint(endpoint))
 
     def advice(self, endpoints: Iterable[Endpoint]) -> str:
-        """Return an instruction that remaps all missing endpoints, or an empty string without alternatives.
+        """Return an instruction that remaps all missing endpoints, or an empty string if there are no alternatives.
 
         The instruction sets a namespace if this needs fewer rules than remapping each name.
         """
@@ -204,25 +204,25 @@ class RosGraph:
         return frozenset(bytes(each.endpoint_gid) for each in infos)
 
     def publisher_conflict(self, topic: str) -> str:
-        """Describe the conflict if several nodes publish on a topic that should have one publisher; otherwise return ''."""
+        """Describe the conflict if a topic that should have one publisher has several; otherwise return ''."""
         full = self._node.resolve_topic_name(topic)
         nodes, types = self.publishers(topic), {each.topic_type for each in self._infos(full)}
         if len(nodes) < 2 or not types & set(_ONE_SOURCE):  # noqa: PLR2004 - one source
             return ""
-        return f"topic {with_full_name(topic, full)}: published by {join_names(nodes)}. Stop all but one"
+        return f"topic {with_full_name(topic, full)}: published by {join_names(nodes)}. Stop all of these nodes but one"
 
     def contested_topics(self) -> list[str]:
         """Describe all discovered topics that should have one publisher, but have several."""
         several = {topic: nodes for topic, nodes in self._topics_of_others().items() if len(nodes) > 1}
         single = {*_ONE_SOURCE, _CLOCK_TYPE}
         return [
-            f"topic {topic}: published by {join_names(sorted(nodes))}. Stop all but one"
+            f"topic {topic}: published by {join_names(sorted(nodes))}. Stop all of these nodes but one"
             for topic, nodes in sorted(several.items())
             if single.intersection(*nodes.values())
         ]
 
     def transforms(self) -> str:
-        """Explain why the node misses this robot's transforms: another topic than the node's `/tf` carries them.
+        """Explain that the robot's transforms are published on another topic than the node's `/tf`.
 
         The robot's nodes may be in a namespace and remap `/tf` to a topic in this namespace. The result is empty if the transforms are not
         published on another topic.
@@ -243,7 +243,7 @@ class RosGraph:
         )
 
     def clock(self) -> str:
-        """Describe a problem with simulated time; return '' if there is none or the node does not use simulated time."""
+        """Describe a problem with simulated time, or return '' if there is no problem or simulated time is not used."""
         node_clock = self._node.get_clock()
         if not node_clock.ros_time_is_active:
             return ""
@@ -326,7 +326,7 @@ class RosGraph:
         return EndpointState(endpoint, full, nodes, problem, is_there=True, is_contested=is_contested)
 
     def _unheard_service(self, service: str) -> str:
-        """Explain why QoS profiles block the requests or responses of a service; return '' if they do not."""
+        """Explain why QoS profiles block the requests or responses of a service, or return '' if nothing is blocked."""
         from rclpy.qos import qos_profile_services_default as own
 
         for topic, hears in ((f"rq{service}Request", True), (f"rr{service}Reply", False)):
@@ -433,7 +433,10 @@ class RosGraph:
         return [each for each in infos if _node_of(each) != self._own]
 
     def _topics_of_others(self, *, hears: bool = False) -> dict[str, dict[str, set[str]]]:
-        """Return for each other node the topics on which it publishes (or to which it subscribes), with types."""
+        """Return, for each topic on which other nodes publish, the types that each of these nodes uses.
+
+        If *hears* is True, return the topics to which other nodes subscribe.
+        """
         return self._get_cached(("nodes", hears), lambda: self._find_publishing(hears=hears))
 
     def _find_publishing(self, *, hears: bool) -> dict[str, dict[str, set[str]]]:
@@ -455,7 +458,10 @@ class RosGraph:
         return found
 
     def _topics(self, *, hears: bool = False) -> dict[str, set[str]]:
-        """Return the topics on which other nodes publish (or to which they subscribe), with their types."""
+        """Return the topics on which other nodes publish, with the types of each topic.
+
+        If *hears* is True, return the topics to which other nodes subscribe.
+        """
         publishing = self._topics_of_others(hears=hears)
         return {
             topic: set().union(*nodes.values()) for topic, nodes in publishing.items() if "/_" not in topic
@@ -531,7 +537,7 @@ def declared_endpoints(root: Behaviour) -> dict[Use, Endpoint]:
 
 
 def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
-    """Explain, as the end of a message, why a leaf cannot reach a server or topic, and name the remedy.
+    """Return the end of a message that explains why a leaf cannot reach a server or topic, and names the remedy.
 
     The result is empty for a topic whose messages reach the leaf.
     """
@@ -540,7 +546,7 @@ def explain_absence(node: "Node", leaf: Behaviour, kind: str, name: str) -> str:
 
 
 def explain_endpoint(node: "Node", endpoint: Endpoint) -> str:
-    """Explain, as the end of a message, why an endpoint is unreachable; see `explain_absence`."""
+    """Return the end of a message that explains why an endpoint is unreachable; see `explain_absence`."""
     state = ros_graph(node).query(endpoint)
     if state.is_there:
         connected = "" if endpoint.kind == "topic" else "it exists, but is not connected yet"
@@ -578,7 +584,7 @@ def _node_of(info: Any) -> str:
 
 
 def _wrong_type(how: str, types: Collection[str], wanted: str) -> str:
-    """Describe the mismatch if an endpoint only has other types than the wanted one; otherwise return ''."""
+    """Describe the mismatch if an endpoint has only types other than the wanted type; otherwise return ''."""
     # The goal service of an action has a type derived from the action's type.
     there = sorted({each.removesuffix("_SendGoal") for each in types})
     return (
@@ -627,7 +633,7 @@ def _incompatibility(offered: "QoSProfile", wanted: "QoSProfile") -> str:
 
 
 def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collection[str]]) -> list[str]:
-    """Return endpoints with the same relative name and the wanted type in other namespaces, least nested first."""
+    """Return endpoints in other namespaces with the same relative name and the wanted type, least nested first."""
     tails = {f"/{endpoint.name.lstrip('/~')}", full}
     same = [name for name in there if any(name.endswith(tail) for tail in tails) or full.endswith(name)]
     fitting = [name for name in same if not endpoint.type_name or endpoint.type_name in there[name]]
@@ -637,7 +643,10 @@ def _same_elsewhere(endpoint: Endpoint, full: str, there: Mapping[str, Collectio
 def _nearest_names(
     endpoint: Endpoint, full: str, space: str, there: Mapping[str, Collection[str]]
 ) -> list[str]:
-    """Return the full names of endpoints of the wanted type with a similar name; one was probably intended."""
+    """Return the full names of endpoints of the wanted type that the user may have meant.
+
+    Their names are similar to the wanted name.
+    """
     wanted = endpoint.name.lstrip("/~")
     fitting = [name for name in sorted(there) if not endpoint.type_name or endpoint.type_name in there[name]]
     depth, inner = wanted.count("/") + 1, f"{space.rstrip('/')}/"
@@ -654,5 +663,5 @@ def _nearest_names(
 
 
 def _is_longer(name: str, beginning: str) -> bool:
-    """Return whether a name begins with another name, if that name is long enough for a meaningful match."""
+    """Return whether a name begins with another name that is long enough for a meaningful match."""
     return name.startswith(beginning) and len(beginning) > _LEAST_SHARED

@@ -55,7 +55,7 @@ _ATTEMPTS, _BRIEF_SEC = 3, 10.0
 
 
 class Guardian(RunExtension):
-    """Starts the guardian of this process, and reports the mission's goals and heartbeats to it.
+    """Starts the guardian of this process, and sends the mission's goals and heartbeats to the guardian.
 
     Args:
         node: The mission's node.
@@ -82,7 +82,7 @@ class Guardian(RunExtension):
         heartbeats(self._node).add_listener(self.forward_heartbeat)
 
     def report_goal(self, news: GoalEvent) -> None:
-        """Report that a goal was sent or has ended; never blocks."""
+        """Report that a goal was sent or has ended. This method never blocks."""
         with self._lock:
             if news.is_over:
                 self._active.pop(news.goal_id, None)
@@ -91,7 +91,7 @@ class Guardian(RunExtension):
             self._write(_OVER if news.is_over else _SENT, news.goal_id, news.action)
 
     def forward_heartbeat(self, beat: Heartbeat) -> None:
-        """Forward a heartbeat to the guardian; never blocks, and may be called from any thread."""
+        """Forward a heartbeat to the guardian. This method never blocks, and any thread may call it."""
         with self._lock:
             self._write(_BEAT, json.dumps(beat))
 
@@ -236,7 +236,7 @@ class _GuardedGoals:
             place = source_line_in_stack(self._beat)
             self._node.get_logger().error(
                 f"the tree was not ticked for {silent_sec + _GRACE_SEC:.0f} s, and the mission cannot report this itself. "
-                f"It is blocked in {place}"
+                f"The mission is blocked in {place}"
             )
         if silent_sec > limit_sec and not self._is_canceled:
             self._is_canceled = True
@@ -259,7 +259,9 @@ class _GuardedGoals:
 
 
 def source_line_in_stack(beat: Heartbeat) -> str:
-    """Return the source line that the ticking thread executes, from the stacks that Python's fault handler wrote.
+    """Return the source line that the ticking thread executes.
+
+    The line is read from the stacks that Python's fault handler has written.
 
     Args:
         beat: The last heartbeat, which names the file with the stacks of all threads.

@@ -1,4 +1,4 @@
-"""Run a tree in a user's own program, and cancel its goals when the program ends."""
+"""Run a tree in a user's own program, and cancel the tree's goals when the program ends."""
 
 import math
 import sys
@@ -105,7 +105,7 @@ def running_tree(
 
 
 class _InterruptionError(RuntimeError):
-    """Interrupts a multithreaded executor, because such an executor does not propagate a `KeyboardInterrupt`."""
+    """Interrupts a multithreaded executor, which does not propagate a `KeyboardInterrupt`."""
 
 
 class _Signals(StopSignals):

@@ -91,7 +91,10 @@ def test_two_sources_of_what_is_meant_to_have_one_are_named(check, capsys, monke
         assert (check.check().error, len(publishers)) == (1, 2)
     finally:
         context.try_shutdown()
-    assert "sar_compiler: topic /map: published by /one and /two. Stop all but one" in capsys.readouterr().err
+    assert (
+        "sar_compiler: topic /map: published by /one and /two. Stop all of these nodes but one"
+        in capsys.readouterr().err
+    )
 
 
 def test_the_report_has_versions_the_kernel_and_the_missions(doctor, check):

@@ -118,7 +118,7 @@ def test_the_first_ctrl_c_ends_a_run_whose_leaf_blocks(block, place, cancel, sta
 def test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancels(block):
     server, run, go = block("compute", "--guardian", blocked_tick_timeout_sec=3.0)
     go.touch()
-    run.wait_for("and the mission cannot report this itself. It is blocked in ")
+    run.wait_for("and the mission cannot report this itself. The mission is blocked in ")
     assert f"blocking.py:{LINES['compute']}, in compute" in run.output
     server.wait_for("ended", how="cancel")
     run.wait_for("the server of /navigate_to_pose was requested to cancel the goal. The goal is cancelled")

@@ -475,7 +475,7 @@ class TestNamespaces:
         ("topic", "type_name", "said"),
         [
             ("/amcl_pose", POSES, "topic amcl_pose has several publishers: /tb1/amcl and /tb2/amcl"),
-            ("/odometry/filtered", ODOMETRY, "topic odometry/filtered: published by /tb1/amcl and /tb2/amcl. Stop all but one"),
+            ("/odometry/filtered", ODOMETRY, "topic odometry/filtered: published by /tb1/amcl and /tb2/amcl. Stop all of these nodes but one"),
         ],
     )  # fmt: skip
     def test_nobody_is_asked_for_a_pose_while_two_robots_say_where_they_are(
@@ -615,7 +615,7 @@ class TestSources:
             robots.publish(robots.node(name), topic, type_name)
         graph = robots.graph()
         robots.until(lambda: len(graph.publishers(topic)) == 2, "both publishers")
-        said = f"topic {topic}: published by /one and /two. Stop all but one"
+        said = f"topic {topic}: published by /one and /two. Stop all of these nodes but one"
         assert graph.publisher_conflict(topic) == (said if is_told else "")
 
     def test_a_run_is_warned_of_them_and_of_odometry_under_another_name(
@@ -630,7 +630,10 @@ class TestSources:
         robots.until(lambda: len(graph.publishers("map")) == 2 and graph.publishers("odom"), "the publishers")
         Readiness(robots.nodes[-1], [Use.nav2()], initial_pose=None).warn()
         lines = said.lines()
-        assert any("topic map: published by /one and /two. Stop all but one." in line for line in lines)
+        assert any(
+            "topic map: published by /one and /two. Stop all of these nodes but one." in line
+            for line in lines
+        )
         odometry = "topic odometry/filtered: no publisher, but there is /odom: run with `--ros-args -r odometry/filtered:=/odom`."
         assert any(odometry in line for line in lines)
 
@@ -643,7 +646,7 @@ class TestSources:
         robots.until(lambda: ros_graph(mission).publishers("battery_state") == ("/one",), "the first source")
         watch.poll()
         robots.publish(robots.node("/two"), "battery_state", BATTERY)
-        line = "topic battery_state: published by /one and /two. Stop all but one."
+        line = "topic battery_state: published by /one and /two. Stop all of these nodes but one."
         robots.until(lambda: said.has(line), line)
         watch.poll()
         assert sum(line in each for each in said.lines()) == 1
@@ -830,7 +833,7 @@ class TestFrames:
         robots.send_transforms(robots.node("/urdf"), ("odom", "base_link"), topic="/tf_static", static=True)
         robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"), x=5.0)
         look = self.where(robots, "odom", "base_link")
-        said = "frame 'base_link' is static (/tf_static, from /urdf) and moves (/tf, from /ekf). Stop one of these nodes"
+        said = "frame 'base_link' is published as static (/tf_static, by /urdf) and as moving (/tf, by /ekf). Stop one of these nodes"
         robots.until(lambda: look() == said, said)
 
     def test_a_static_frame_that_moves_no_more_is_found(self, robots: Robots, context: Ros) -> None:
