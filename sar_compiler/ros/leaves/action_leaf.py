@@ -39,7 +39,7 @@ _REASON_BEFORE_SEC, _REASON_AFTER_SEC = 1.0, 0.3
 
 
 class ActionLeaf(GoalSender):
-    """A leaf that sends one goal of an action in each activation, and is RUNNING until the goal has ended.
+    """A leaf that sends one goal to an action server in each activation, and is RUNNING until the goal has ended.
 
     If the leaf is interrupted, the goal is cancelled, even if the server has not accepted it yet. Responses to an
     earlier goal never affect a later goal.
@@ -102,7 +102,9 @@ class ActionLeaf(GoalSender):
         "action_type": "nav2_msgs/action/NavigateToPose",
         "action_name": "navigate_to_pose",
     }
-    """The attributes that a subclass must set in the class or its constructor, with examples; `checks.leaf_classes` checks them."""
+    """The attributes that a subclass must set, in the class or in its constructor, each with an example. `checks.leaf_classes` checks these
+    attributes.
+    """
     use_kind: ClassVar[str] = "action"
     """The kind of the `Use` with which a leaf is registered."""
     action_type: Any = None
@@ -195,7 +197,7 @@ class ActionLeaf(GoalSender):
         super().shutdown()
 
     def is_settled(self) -> bool:
-        """Return whether all goals of earlier activations have ended; request again to cancel goals that are active.
+        """Return whether all goals of earlier activations have ended. Request the cancellation of active goals again.
 
         A goal that was abandoned because its server does not respond counts as ended when the server has disappeared.
         """
@@ -257,7 +259,7 @@ class ActionLeaf(GoalSender):
         return super()._begin()
 
     def _waits_for_rival(self, rival: GoalStatuses) -> bool:
-        """Return whether to wait until a goal that this node has sent to a rival action has ended."""
+        """Return whether to wait for the end of a goal that this node has sent to a rival action."""
         if not cast("ActionPort", self._port).goals.drives({rival.full_name}):
             return False
         if self._turn is None:
@@ -285,7 +287,10 @@ class ActionLeaf(GoalSender):
         return super()._judge(exchange)
 
     def _judge_arrival(self, goal: ActionGoal) -> Status | None:
-        """Return the leaf's status while the arrival is not confirmed; None if it is confirmed or cannot be checked."""
+        """Return the leaf's status if the robot may not have arrived; otherwise return None.
+
+        The result is None if the arrival is confirmed or cannot be checked.
+        """
         if self._arrival is not None and self._arrival.is_awaited():
             self.feedback_message = "waiting for the localisation to confirm the arrival"
             return Status.RUNNING
@@ -368,7 +373,7 @@ class ActionLeaf(GoalSender):
         return self._begin() if self._pause is None or self._pause.has_passed else Status.RUNNING
 
     def _report_lost(self, words: str) -> None:
-        """Report a goal that failed through no fault of its target, and start the pause before the next attempt."""
+        """Report a failed goal whose target did not cause the failure, and start the pause before the next attempt."""
         count, self._lost_words = self._lost_count, words
         pause_sec = self.pause_sec * min(2.0 ** (count - 1), _LONGEST_PAUSE)
         self._pause = Deadline(pause_sec, self._clock)
@@ -383,7 +388,7 @@ class ActionLeaf(GoalSender):
             )
 
     def _clear_failures(self) -> None:
-        """Reset the count of consecutive goals that failed through no fault of their target."""
+        """Reset the number of consecutive failed goals whose targets did not cause the failures."""
         self._lost_count, self._lost_until = 0, None
         self.on_available()
 

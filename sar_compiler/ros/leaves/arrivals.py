@@ -33,7 +33,7 @@ _POSES: dict[str, Callable[[Any], Any]] = {
 
 
 def drives_to_pose(interface: Any) -> bool:
-    """Return whether the goals of an action end at a pose; the action is given by its Python class."""
+    """Return whether the goals of an action end at a pose. *interface* is the Python class of the action."""
     return interface_name(interface) in _POSES
 
 
@@ -65,7 +65,7 @@ class Arrival:
 
     @property
     def tolerance_m(self) -> float:
-        """The maximum distance from the destination at which the robot has arrived, in metres."""
+        """The maximum distance from the destination, in metres, at which the robot counts as arrived."""
         given = self._robot.arrival_tolerance_m
         return nav2_parameters(self._node).goal_tolerance + EXTRA_TOLERANCE_M if given is None else given
 

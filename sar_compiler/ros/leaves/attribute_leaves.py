@@ -183,7 +183,7 @@ class _GraphName:
 
     @property
     def display_name(self) -> str:
-        """The current name; the key in braces if the key has no value yet."""
+        """The current name, or the key in braces if the key has no value yet."""
         return self.current_name or (f"{{{self._port.entry.key}}}" if self._port.entry is not None else "")
 
     def read_name(self) -> str:
@@ -202,7 +202,7 @@ class _GraphName:
 
 
 def _name_error(name: object) -> str:
-    """Return why a value is not a valid name of a server or topic; return '' if it is valid."""
+    """Return why a value is not a valid name of a server or topic, or '' if the value is a valid name."""
     from rclpy.exceptions import NameValidationException
     from rclpy.validate_topic_name import validate_topic_name
 
@@ -234,7 +234,7 @@ def _definition_of(leaf: RosLeaf) -> Iterator[None]:
 
 
 class RosService(ServiceLeaf):
-    """Call a service, and return SUCCESS when a response has arrived that reports no failure.
+    """Call a service. Return SUCCESS when a response has arrived that does not report a failure.
 
     Args:
         service: The service's name.
@@ -288,7 +288,7 @@ class RosService(ServiceLeaf):
                 check_path(interface.Response, self._success)
 
     def initialise(self) -> None:
-        """Call the service; if its name is a key, the key's current value is used."""
+        """Call the service. If the service's name is a key, use the key's current value."""
         name = self._name.read_name()
         if name != self.service_name:
             self._drop()
@@ -313,7 +313,7 @@ class RosService(ServiceLeaf):
         return self.outcome(super().on_failure(reason), "no answer")
 
     def on_response(self, response: Any) -> Status:
-        """Write the response's fields; return SUCCESS unless the response reports failure."""
+        """Write the response's fields. Return SUCCESS unless the response reports a failure or lacks a field."""
         missing = self._received.write(response)
         if self._success and not self._is_true(response, self._success):
             reason = _failure_reason(response, self._success) or str(self._success)
@@ -332,7 +332,7 @@ class RosService(ServiceLeaf):
 
 
 def _failure_reason(response: Any, field: FieldPath) -> str:
-    """Return the error text in a response; prefer the text beside the field that is false."""
+    """Return the error text in a response, preferably the text next to the field that is false."""
     parent, dot, _ = field.text.rpartition(".")
     reason = ""
     if dot:
@@ -344,7 +344,7 @@ def _failure_reason(response: Any, field: FieldPath) -> str:
 
 
 class RosAction(ActionLeaf):
-    """Send a goal to an action: RUNNING until the goal has ended, SUCCESS if the goal has succeeded.
+    """Send a goal to an action. Return RUNNING until the goal has ended, and SUCCESS if the goal has succeeded.
 
     The fields of the result are written even if the goal was aborted or cancelled.
 
@@ -400,7 +400,7 @@ class RosAction(ActionLeaf):
             self._feedback.check(interface.Feedback)
 
     def initialise(self) -> None:
-        """Send the goal; if the action's name is a key, the key's current value is used."""
+        """Send the goal. If the action's name is a key, use the key's current value."""
         name = self._name.read_name()
         if name != self.action_name:
             self._drop()
@@ -442,7 +442,7 @@ class RosAction(ActionLeaf):
         return self.outcome(super().on_failure(reason), "no result")
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE. If the goal has a result, because it has succeeded without an arrival, write its fields."""
+        """Return FAILURE. If the goal has succeeded although the robot has not arrived, write the fields of the result."""
         failed, goal = super().on_unavailable(reason), self._exchange
         if (
             goal is None
@@ -454,7 +454,7 @@ class RosAction(ActionLeaf):
         return self.outcome(failed, "aborted")
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Write the fields of the result, if a result has arrived; return SUCCESS if the goal has succeeded."""
+        """Write the fields of the result, if a result has arrived. Return SUCCESS if the goal has succeeded."""
         is_lost = self._exchange is not None and self._exchange.is_result_lost
         has_result = status in (SUCCEEDED, ABORTED, CANCELED) and not is_lost
         missing = (
@@ -472,7 +472,7 @@ class RosAction(ActionLeaf):
 
 
 class RosTopic(TopicLeaf):
-    """Check for a message on a topic; if there is a message, write its fields to keys and return SUCCESS.
+    """Check for a message on a topic. If there is a message, write its fields to keys and return SUCCESS.
 
     Args:
         topic: The topic's name.
@@ -521,7 +521,7 @@ class RosTopic(TopicLeaf):
             self._received.check(_load_type("msg", self._name, self.topic_type))
 
     def initialise(self) -> None:
-        """Subscribe to the topic; if its name is a key, the key's current value is used."""
+        """Subscribe to the topic. If the topic's name is a key, use the key's current value."""
         name = self._name.read_name()
         if name != self.topic_name:
             self.topic_name = name
@@ -547,7 +547,7 @@ class RosTopic(TopicLeaf):
 
 
 class RosPublish(RosLeaf):
-    """Publish a message: RUNNING until a subscriber is present, SUCCESS when the message has been sent.
+    """Publish a message. Return RUNNING until a subscriber is present, and SUCCESS when the message has been sent.
 
     Args:
         topic: The topic's name.
@@ -580,7 +580,7 @@ class RosPublish(RosLeaf):
         self._deadline = Deadline(timeout_sec)
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the publisher early, if the topic's name is known, so that subscribers can discover it.
+        """Create the publisher early if the topic's name is known, so that subscribers can discover the publisher.
 
         Args:
             **kwargs: `node`, and optionally `wake` (see `RosLeaf`).
@@ -597,7 +597,10 @@ class RosPublish(RosLeaf):
             self._sent.check(_load_type("msg", self._name, self._type))
 
     def initialise(self) -> None:
-        """Create the publisher if necessary, and start the timeout. A key is read now to get the topic's name."""
+        """Create the publisher if necessary, and start the timeout.
+
+        If the topic's name is a key, the key's value is read now.
+        """
         self._publisher = self._publisher_of(self._name.read_name())
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
@@ -642,7 +645,7 @@ _DEPTH = 10
 
 
 class RosTransform(RosLeaf):
-    """Look up the pose of a frame in another frame: RUNNING until the pose is known and written to keys, then SUCCESS.
+    """Look up the pose of a frame in another frame. Return RUNNING until the pose is known, and then SUCCESS.
 
     Args:
         target_frame: The outer frame, such as `map`, in which the pose is expressed.
@@ -702,7 +705,7 @@ class RosTransform(RosLeaf):
         self._deadline = Deadline(self.timeout_sec, deadline_clock(self.node))
 
     def update(self) -> Status:
-        """Write the pose and return SUCCESS if it is known; otherwise return RUNNING, or FAILURE after the timeout."""
+        """Write the pose and return SUCCESS if the pose is known; otherwise return RUNNING, or FAILURE after the timeout."""
         found = self._look_up()
         if isinstance(found, Transform):
             self.feedback_message = ""

@@ -53,7 +53,7 @@ class PendingCall(ABC):
         return self.answer is not None or bool(self.trouble)
 
     def poll(self) -> None:
-        """Send the message when the server is ready, unless it was already sent; check the time limits."""
+        """Send the message as soon as the server is ready, and check the time limits."""
         if self.is_over or self._abandoned:
             return
         if self.sent:
@@ -338,7 +338,9 @@ class ServiceLeaf(ClientLeaf[ServiceCall]):
         "service_type": "std_srvs/srv/Trigger",
         "service_name": "gripper/open",
     }
-    """The attributes that a subclass must set in the class or its constructor, with examples; `checks.leaf_classes` checks them."""
+    """The attributes that a subclass must set, in the class or in its constructor, each with an example. `checks.leaf_classes` checks these
+    attributes.
+    """
     use_kind: ClassVar[str] = "service"
     """The kind of the `Use` with which a leaf is registered."""
     service_type: Any = None

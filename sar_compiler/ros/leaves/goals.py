@@ -37,7 +37,7 @@ _ENDS = {
     SUCCEEDED: "has arrived",
     CANCELED: "is cancelled",
     ABORTED: "was aborted",
-    UNKNOWN: "the server does not know, or no longer knows",
+    UNKNOWN: "is unknown to the server",
 }
 
 StatusListener = Callable[[int], None]
@@ -228,7 +228,7 @@ class ActiveGoals:
         return any(goal not in self._lost for goal in self._active)
 
     def active(self) -> "list[GoalEvent]":
-        """Return the goals that were sent and have not been seen to end; may be called from any thread."""
+        """Return the goals that were sent and whose end was not observed. Any thread may call this method."""
         return [GoalEvent(goal_id, action) for goal_id, action in [*self._active.items()]]
 
     def mark_lost(self, goal_id: str) -> None:

@@ -52,7 +52,9 @@ class TopicLeaf(RosLeaf):
         "topic_type": "sensor_msgs/msg/BatteryState",
         "topic_name": "battery",
     }
-    """The attributes that a subclass must set in the class or its constructor, with examples; `checks.leaf_classes` checks them."""
+    """The attributes that a subclass must set, in the class or in its constructor, each with an example. `checks.leaf_classes` checks these
+    attributes.
+    """
     use_kind: ClassVar[str] = "topic"
     """The kind of the `Use` with which a leaf is registered."""
     topic_type: Any = None
