@@ -58,7 +58,10 @@ class PolledService:
         return bool(self._client.service_is_ready())
 
     def is_awaited(self, since: float = -math.inf) -> bool:
-        """Return whether a server is available but has not answered a query sent after *since* (awake time, seconds)."""
+        """Return whether an available server has not responded to any query sent after the time *since*.
+
+        *since* is in seconds of awake time.
+        """
         return self._is_there and (self.known_at == -math.inf or self.known_at < since)
 
     def query(self, since: float = -math.inf) -> bool:
@@ -144,7 +147,7 @@ class LifecycleState(PolledService):
 
     @property
     def has_heard_nothing(self) -> bool:
-        """Whether the node has not responded since the last suspension of this process; False without a suspension."""
+        """Whether the node has not responded since this process was last suspended; False without a suspension."""
         return self.answered_at < AWAKE.stood_still_at
 
     def poll(self, since: float = -math.inf) -> str | None:
@@ -159,7 +162,7 @@ class LifecycleState(PolledService):
 
 
 def _state_name(state: Any) -> str:
-    """Return the name of a lifecycle state, which is derived from its number if the server sets no name."""
+    """Return the name of a lifecycle state. If the server sets no name, use the number of the state."""
     return state.label or _STATES.get(state.id, f"number {state.id}")
 
 
@@ -186,7 +189,10 @@ class LifecycleNodes:
         self._since = AWAKE.now()
 
     def obstacle(self) -> str | None:
-        """Describe the required nodes that are missing or inactive ('' for none); None until all nodes have responded."""
+        """Describe the required nodes that are missing or inactive; return '' if there are none.
+
+        Return None until all nodes have responded.
+        """
         self.update_presence()
         polled = [(each, each.poll(self._since)) for each in self._nodes if each in self._known]
         missing = [(each, line) for each, line in polled if line is not None]

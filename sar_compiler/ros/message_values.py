@@ -213,7 +213,9 @@ def _check_variance(variance: float, path: str) -> None:
 
 
 def read_field(message: Any, path: str) -> Any:
-    """Return the value of a message's field as a plain Python value, given the field's path, such as `pose.position.x` or `poses[0].header`.
+    """Return the value of a message's field as a plain Python value.
+
+    The field is given by its path, such as `pose.position.x` or `poses[0].header`.
 
     Raises:
         UnusableValueError: If the value violates the message's definition.
@@ -224,7 +226,7 @@ def read_field(message: Any, path: str) -> Any:
 
 
 def battery_share(message: Any) -> float:
-    """Return the charge of a battery from a `sensor_msgs/msg/BatteryState`, from 0 to 1.
+    """Return the charge of a battery, between 0 and 1, from a `sensor_msgs/msg/BatteryState`.
 
     Raises:
         UnusableValueError: If the charge is not measured, or is not between 0 and 1.
@@ -294,7 +296,7 @@ def goal_position(pose: Any) -> tuple[float, float] | None:
 
 
 def localised_pose(message: Any, node: "Node") -> PlanarPose:
-    """Return the pose, in the frame `map`, from a `PoseWithCovarianceStamped` that a localisation has published.
+    """Return the pose, in the frame `map`, from a localisation's `PoseWithCovarianceStamped` message.
 
     The pose may be old, because a localisation only publishes a pose after the robot has moved.
 
@@ -306,7 +308,7 @@ def localised_pose(message: Any, node: "Node") -> PlanarPose:
             "the pose",
             message,
             MAP_FRAME,
-            "does it belong to another robot? If not, set the localisation's parameter global_frame_id",
+            "does the localisation belong to another robot? If not, set its parameter global_frame_id",
         )
     stamp_age(message.header.stamp, node)
     for index in _PLANAR_VARIANCES:
@@ -461,7 +463,10 @@ _POSE_AND_TWIST = struct.Struct("=7d288x6d")
 
 
 def read_odometry(message: bytes) -> OdometryReading:
-    """Read the needed fields of a serialised `nav_msgs/msg/Odometry`. This is faster than deserialising all of it."""
+    """Read the needed fields of a serialised `nav_msgs/msg/Odometry`.
+
+    This is faster than deserialising the whole message.
+    """
     if message[:2] != _NATIVE:  # sent by a machine with a different byte order
         from nav_msgs.msg import Odometry
         from rclpy.serialization import deserialize_message, serialize_message
@@ -481,7 +486,7 @@ def read_odometry(message: bytes) -> OdometryReading:
 
 
 def remaining_drive(feedback: Any) -> tuple[float, float] | None:
-    """Extract the remaining distance (m) and time (s) of a drive from Nav2's feedback; None if unknown."""
+    """Return the remaining distance (m) and time (s) of a drive from Nav2's feedback, or None if unknown."""
     metres, time = feedback.distance_remaining, feedback.estimated_time_remaining
     return (metres, time.sec + time.nanosec * 1e-9) if math.isfinite(metres) and metres >= 0.0 else None
 
@@ -585,7 +590,7 @@ def stamp_age(
 
 
 def clock_hint(apart_sec: float, node: "Node") -> str:
-    """Return the likely cause of a large difference between two clocks, as the end of a sentence; '' if unknown."""
+    """Return a sentence ending with the likely cause of a large difference between two clocks, or ''."""
     if apart_sec <= _ANOTHER_CLOCK_SEC:
         return ""
     if node.get_clock().ros_time_is_active:
@@ -610,7 +615,7 @@ def _check_rotation(turn: Any, tolerance: float = _ROTATION_TOLERANCE) -> float:
 
 
 def _check_length(*turn: float, tolerance: float = _ROTATION_TOLERANCE) -> float:
-    """Return the length of a quaternion.
+    """Check that a quaternion has the length 1, and return its length.
 
     Raises:
         UnusableValueError: If the length is not 1, so the quaternion is not a rotation.
@@ -636,7 +641,7 @@ class ValueReports:
         self._reported: set[tuple[str, ValueProblem]] = set()
 
     def read(self, source: str, read: Callable[[], T]) -> T | None:
-        """Return the value that *read* returns; report an unusable value, and return None instead.
+        """Return the value that *read* returns. If this value is unusable, report the problem and return None.
 
         Args:
             source: The source of the value. A report begins with this text.
@@ -649,7 +654,7 @@ class ValueReports:
             return None
 
     def report_problem(self, source: str, error: UnusableValueError) -> None:
-        """Log a problem, unless it was already logged and has occurred again within a minute."""
+        """Log a problem, unless it was already logged. A problem that recurs after more than a minute is logged again."""
         now, key = AWAKE.now(), (source, error.problem)
         first, last = self._seen.get(key, (now, -math.inf))
         if now - last > _AGAIN_SEC:

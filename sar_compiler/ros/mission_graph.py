@@ -26,7 +26,7 @@ class MissionCommandError(SarError):
 
 
 def find_missions(node: Node) -> list[LeaseClaim]:
-    """Find the running missions; return their claims, each of which names a robot.
+    """Find the running missions, and return the claim of each mission to its robot.
 
     On a busy machine, nodes discover each other late. The search therefore continues for some time after each discovery. It also continues
     while a discovered mission has not sent its claim.

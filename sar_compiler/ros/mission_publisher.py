@@ -172,7 +172,7 @@ class MissionPublisher(RunExtension):
                 self._try(self._publish_state)
 
     def _try(self, publish: Callable[[], object]) -> None:
-        """Call a function that publishes a message; an error is logged and ends the publishing, but not the mission."""
+        """Call a function that publishes a message. If it fails, log the error and stop publishing; the mission continues."""
         if self._is_broken:
             return
         try:
@@ -270,7 +270,10 @@ def _shape(number: int, landmark: Landmark, shape: str, colour: ColorRGBA) -> li
 
 
 def _line(plan: Mapping[str, Any]) -> list[Marker]:
-    """Create the marker of a plan, unless the plan has fewer than two points, for which RViz reports an error."""
+    """Create the marker of a plan, or no marker if the plan has fewer than two points.
+
+    For a marker with fewer points, RViz reports an error.
+    """
     points = [point for point in plan.get("points", ()) if all(map(math.isfinite, point))]
     marker = _strip("plan", 0, _colour("plan"), points)
     marker.header.frame_id = str(plan.get("frame", ""))

@@ -47,7 +47,7 @@ class Nav2Log:
         node.create_subscription(Log, "/rosout", self._on_line, latched)
 
     def quote(self, name: str = "", *, since: float = -math.inf) -> str:
-        """Return the log lines that best explain a failure; empty if there are no such lines.
+        """Return the log lines that best explain a failure, or an empty string if there are no such lines.
 
         Args:
             name: The name of the node that has logged the lines; by default any node.
@@ -56,7 +56,7 @@ class Nav2Log:
         return quote_lines(self._lines_since(name, since))
 
     def failed_change(self) -> str:
-        """Return the name of the last node whose state the lifecycle manager failed to change; empty for none."""
+        """Return the name of the last node whose state the lifecycle manager failed to change, or ''."""
         found = [
             each
             for line in self._lines_since(MANAGER, -math.inf)
@@ -65,7 +65,7 @@ class Nav2Log:
         return found[-1][1].rpartition("/")[2] if found else ""
 
     def awaited_node(self) -> str:
-        """Return the name of the node that the lifecycle manager waits for during start-up; empty for none.
+        """Return the name of the node that the lifecycle manager waits for during start-up, or ''.
 
         If the process of this node crashes, the lifecycle manager waits forever for a response and logs nothing more.
         """

@@ -121,7 +121,7 @@ class Nav2Parameters:
         return max(usable, default=NAV2_GOAL_TOLERANCE_M)
 
     def advice(self) -> list[str]:
-        """Return a description of each parameter that is likely to make drives fail, and of the correct value."""
+        """Return a description of each parameter whose value is likely to make drives fail, with the correct value."""
         values = {name: each.values for name, each in self._queries.items()}
         return [
             *_timeout_advice(values[NAVIGATOR]),
@@ -181,5 +181,8 @@ def _line(node: str, line: str) -> str:
 
 
 def nav2_parameters(node: "Node") -> Nav2Parameters:
-    """Return the `Nav2Parameters` of the Nav2 that receives a node's goals; every call for a node returns the same object."""
+    """Return the `Nav2Parameters` of the Nav2 that receives a node's goals.
+
+    Every call for a node returns the same object.
+    """
     return of_node(node, Nav2Parameters, lambda: Nav2Parameters(node))

@@ -116,7 +116,7 @@ class CancelClients:
         self._prober: Client | None = None
 
     def renew_if_silent(self) -> None:
-        """Replace the clients if no response has arrived for too long: the server may not have discovered them."""
+        """Replace the clients if no response has arrived for too long, because the server may not have discovered them."""
         if self._unheard_since is None or time.monotonic() - self._unheard_since < _RENEWAL_SEC:
             return
         for client in filter(None, (self.canceller, self._prober)):
@@ -205,7 +205,7 @@ class OrphanedGoal:
         return f"action {self.action}: the orphaned goal has not ended yet. The robot may be moving"
 
     def _request_result(self) -> None:
-        """Request the goal's result, unless the current client is already waiting for it."""
+        """Request the goal's result, unless the current client is already waiting for this result."""
         prober = self._clients.prober()
         if prober is None or prober is self._result_requested_by:
             return

@@ -1,4 +1,4 @@
-"""A node that declares all parameters in parameter files and on the command line."""
+"""A node that declares every parameter that is given in a parameter file or on the command line."""
 
 from array import array
 from typing import Any
@@ -11,7 +11,7 @@ from sar_compiler.ros.arguments import RosArgumentError, convert_ros_errors
 
 
 class DataNode(Node):
-    """A node that declares all parameters in parameter files and on the command line.
+    """A node that declares every parameter that is given in a parameter file or on the command line.
 
     Args:
         name: The node's name, if no remap rule changes it.

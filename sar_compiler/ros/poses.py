@@ -17,12 +17,12 @@ def turn_by(orientation: Any, yaw: float) -> None:
 
 
 def yaw_of(orientation: Any) -> float:
-    """Return the rotation of a quaternion message about the z axis, in radians; NaN if it is not finite."""
+    """Return the rotation of a quaternion message about the z axis, in radians; NaN if a component is not finite."""
     return yaw_of_quaternion(orientation.x, orientation.y, orientation.z, orientation.w)
 
 
 def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
-    """Return the rotation of a quaternion of any length about the z axis, in radians; NaN if it is not finite."""
+    """Return the rotation of a quaternion of any length about the z axis, in radians; NaN if a component is not finite."""
     if not math.isfinite(math.hypot(x, y, z, w)):
         return math.nan
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)

@@ -144,7 +144,7 @@ class LocalisationCheck(Requirement):
         self._publisher = node.create_publisher(PoseWithCovarianceStamped, "initialpose", QoSProfile(depth=1))
 
     def poll(self) -> str | None:
-        """Publish the initial pose if it is due; report the localisation's missing pose, or return None if it arrived.
+        """Publish the initial pose if it is due. Return why the pose is missing, or None if it has arrived.
 
         Raises:
             RobotMovedError: If the localisation has a pose that is far from the initial pose, or the robot has moved.
@@ -183,7 +183,7 @@ class LocalisationCheck(Requirement):
         return self._sent_at > -math.inf
 
     def _has_not_moved(self) -> bool:
-        """Return whether a robot that is not localised has not moved; True if no node publishes odometry.
+        """Return whether a robot without localisation has not moved; return True if no node publishes odometry.
 
         Raises:
             RobotMovedError: If the robot has moved according to the odometry.
@@ -256,7 +256,7 @@ class Nav2Check(Requirement):
         self._manager: PolledService | None = None
 
     def poll(self) -> str | None:
-        """Query the state if a query is due; explain why the navigator is not active, or return None if it is."""
+        """Query the navigator's state if a query is due. Return why it is not active, or None if it is active."""
         # The state is queried again after a pose has arrived, because Nav2 may have waited for it.
         line, state = self._lifecycle.poll(self._robot.pose_at), self._lifecycle.state
         if line is None:
@@ -276,7 +276,7 @@ class Nav2Check(Requirement):
             self._manager.close()
 
     def _reason(self, state: str) -> str:
-        """Explain the navigator's state: query the lifecycle manager and the nodes activated before the navigator."""
+        """Explain the navigator's state, from the states of the lifecycle manager and of the nodes activated before it."""
         if self._manager is None:
             self._manager = PolledService(self._node, Trigger, f"{MANAGER}/is_active")
         self._manager.query()
@@ -305,7 +305,7 @@ class Nav2Check(Requirement):
         )
 
     def _pose(self) -> str:
-        """Ask the user to set the pose, if the localisation has none and this run sends none; otherwise return ''."""
+        """Return a request to set the pose if the localisation has none and this run sends none; otherwise return ''."""
         if self._tells_pose or self._robot.is_localised or not ros_graph(self._node).publishers("amcl_pose"):
             return ""
         if self._robot.localisation_conflict():
@@ -428,7 +428,7 @@ class Readiness:
 
     @property
     def _is_robot_elsewhere(self) -> bool:
-        """Whether the localisation has a different name. This name explains why the other resources are missing."""
+        """Whether the localisation has a different name, which explains why other resources are missing."""
         return bool(self._graph.query(Endpoint("node", NAV2_NODES[0])).elsewhere)
 
     def _localisation_conflict(self) -> str | None:
@@ -578,7 +578,7 @@ def _waiting_line(readiness: Readiness) -> str:
 
 
 def _spin_for(executor: Executor, duration_sec: float) -> bool:
-    """Spin an executor for a duration; return whether ROS is not shut down."""
+    """Spin an executor for a duration; return whether ROS is still running."""
     deadline = time.monotonic() + duration_sec
     try:
         while executor.context.ok() and (left := deadline - time.monotonic()) > 0:

@@ -32,10 +32,13 @@ class RunExtension:
         """
 
     def on_awaited(self, items: "Sequence[AwaitedItem]") -> None:
-        """Handle a change of the requirements that the start waits for. An unfulfilled requirement has a problem."""
+        """Handle a change of the requirements that the start of a run waits for.
+
+        A requirement that is not fulfilled has a description of its problem.
+        """
 
     def on_begin(self) -> None:
-        """Handle the start of the run, before the setup of the leaves; the journal is called first.
+        """Handle the start of the run, before the leaves are set up. The journal is called first.
 
         Raises:
             JournalError: If the journal cannot be written.
@@ -55,7 +58,7 @@ class RunExtension:
         """Handle the last tick, before the tree is stopped; *is_over* is True if the run has met its end condition."""
 
     def cause_of_failure(self) -> str:
-        """Return the most likely cause of a failure on one line; empty if no cause is known."""
+        """Return one line about the most likely cause of a failure, or an empty string if no cause is known."""
         return ""
 
     def on_end(self, *, has_begun: bool) -> None:

@@ -43,7 +43,7 @@ from sar_compiler.runtime.kernel.tree_nodes import Visit
 
 
 class TickScheduler:
-    """Schedules ticks on a node's simulated clock, or on the steady clock if simulated time is not used or stands still.
+    """Schedules ticks on a node's simulated clock, or on the steady clock if simulated time is unused or stands still.
 
     Args:
         node: The node whose clock is used.
@@ -78,7 +78,10 @@ class TickScheduler:
             self._node.get_logger().debug(f"a timer could not be destroyed: {error_text(error)}")
 
     def _check_clock(self) -> bool:
-        """Adapt the timers to the use of simulated time; return whether clock and ticks stood still since the last call."""
+        """Adapt the timers to the use of simulated time; return whether there was no progress since the last call.
+
+        There is no progress if neither the clock has advanced nor the tree was ticked.
+        """
         clock = self._node.get_clock()
         if clock.ros_time_is_active != self._is_simulated:
             self._is_simulated = not self._is_simulated
@@ -427,7 +430,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
             )
 
     def _try(self, action: Callable[[], object], complaint: str) -> None:
-        """Execute a step of the shutdown; an exception is logged, so that the remaining steps are executed."""
+        """Execute one step of the shutdown. An exception is logged, so that the remaining steps are still executed."""
         try:
             action()
         except Exception as error:  # noqa: BLE001

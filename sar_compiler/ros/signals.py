@@ -111,7 +111,7 @@ class StopSignals:
         return self._read_signals()
 
     def _exit_at_once(self) -> NoReturn:
-        """End the process at once, after `last_words`."""
+        """End the process at once, after a call of `last_words`."""
         end_at_once(self.exit_status, self.last_words or (lambda: None), _LAST_WORDS_SEC)
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:

@@ -109,7 +109,7 @@ class AcceptedGoal:
         self._outcome.set_result(outcome)
 
     async def run(self, handle: ServerGoalHandle) -> Any:
-        """Wait for the end and return the result."""
+        """Wait for the end of the goal, and return the goal's result."""
         outcome: DriveOutcome = await self._outcome
         if outcome.ending is DriveEnd.SUCCEEDED:
             handle.succeed()

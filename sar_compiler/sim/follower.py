@@ -33,7 +33,7 @@ class Path2D:
         return np.append(np.cumsum(lengths[::-1])[::-1], 0.0)
 
     def nearest(self, pose: Pose2D, since: int) -> int:
-        """Return the index of the path point nearest to *pose*, searching `_WINDOW` metres from point *since* on."""
+        """Return the index of the path point nearest to *pose* within `_WINDOW` metres after the point *since*."""
         ahead = int(
             np.searchsorted(-self.remaining_lengths, _WINDOW - self.remaining_lengths[since], side="right")
         )

@@ -25,7 +25,7 @@ _FREE_BELOW, _OCCUPIED_ABOVE = 20, 65
 
 
 def to_stamp(now_ns: int) -> Time:
-    """Convert simulated nanoseconds to a message."""
+    """Convert a simulated time in nanoseconds to a message."""
     return Time(sec=now_ns // NANOSECONDS, nanosec=now_ns % NANOSECONDS)
 
 
@@ -37,7 +37,7 @@ def set_lifecycle_state(response: Any, *, active: bool) -> Any:
 
 
 def to_duration(seconds: float) -> Duration:
-    """Convert seconds to a message."""
+    """Convert a duration in seconds to a message."""
     nanoseconds = round(seconds * NANOSECONDS)
     return Duration(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
 
@@ -60,7 +60,7 @@ def to_transform(parent: str, child: str, pose: Pose2D, stamp: Time) -> Transfor
 
 
 def from_pose(message: Any) -> Pose2D | None:
-    """Convert a pose message to a planar pose; None if it is not finite or the quaternion is not a rotation."""
+    """Convert a pose message to a planar pose; None if the pose is not finite or its quaternion is not a rotation."""
     turn = message.orientation
     if not abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0) < _UNIT_TOLERANCE:
         return None

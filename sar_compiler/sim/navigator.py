@@ -21,7 +21,7 @@ from sar_compiler.sim.robot import STAND, Limits, RobotState, Twist2D
 
 @dataclass(frozen=True)
 class Recovery:
-    """A recovery: an action of the robot before it tries again to reach a goal.
+    """An action that the robot performs before it tries again to reach a goal.
 
     Attributes:
         name: The robot's action as a verb, such as `spins`.
@@ -84,7 +84,7 @@ def manner(name: str) -> DrivingManner:
 
 
 def like_nav2(parameters: Path) -> DrivingManner:
-    """Return Nav2's manner of driving with a parameter file; for missing parameters, use Nav2's defaults.
+    """Return Nav2's manner of driving, with the values from a parameter file or else Nav2's default values.
 
     Raises:
         ParameterFileError: If the file has errors.

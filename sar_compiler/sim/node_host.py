@@ -109,7 +109,7 @@ class SteppedExecutor:
         self._wait_set_executor.add_node(node)
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Make one step of the simulation, and call all pending callbacks; the time-out is ignored."""
+        """Make one step of the simulation, and call all pending callbacks. The time-out is ignored."""
         if self.step is not None:
             self.step()
         for _ in range(_HOPS):
@@ -122,7 +122,7 @@ class SteppedExecutor:
                 self._wait_set_executor.serve_until(time.monotonic())
 
     def spin_until_future_complete(self, _: Any, timeout_sec: float | None = None) -> None:
-        """Spin once; the caller must check after each step whether the future is complete."""
+        """Spin once. After each call, the caller must check whether the future is complete."""
         self.spin_once(timeout_sec)
 
     def shutdown(self) -> None:

@@ -120,7 +120,7 @@ def map_files(occupancy: OccupancyMap, prefix: Path) -> dict[Path, bytes]:
 
 
 def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
-    """Return, for each pixel of an image, the sum of its colour bands (top row first), and the sum for white.
+    """Return the sum of each pixel's colour bands, top row first, and the sum for a white pixel.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
@@ -140,7 +140,7 @@ def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
         raise
     except Exception as error:
         # The decoder of damaged data may raise any exception: ValueError, SyntaxError, struct.error, ...
-        raise _ImageError(f"it is not a readable image ({error})") from error
+        raise _ImageError(f"the file is not a readable image ({error})") from error
     return bands.sum(axis=2, dtype=np.uint16), 255 * bands.shape[2]
 
 

@@ -161,7 +161,7 @@ def test_a_mistake_in_a_description_is_named(tmp_path: Path, changes: dict[str, 
 def test_an_image_that_is_none_is_named(tmp_path: Path) -> None:
     (tmp_path / "no.pgm").write_text("no image")
     with pytest.raises(
-        TreeError, match=r"m.yaml:1:8: error\[wrong-value\]: .*no\.pgm: it is not a readable image"
+        TreeError, match=r"m.yaml:1:8: error\[wrong-value\]: .*no\.pgm: the file is not a readable image"
     ):
         read_map(write(tmp_path, image="no.pgm"))
 

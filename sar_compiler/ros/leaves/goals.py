@@ -365,7 +365,7 @@ class ActionPort:
 
 
 class ServerProbe:
-    """Checks that a server responds: requests the result of an unknown goal, which a server rejects at once.
+    """Checks that a server responds, by requesting the result of an unknown goal. A server rejects such a request at once.
 
     A server with a single thread does not respond while it executes a goal. So a silent server is only regarded as crashed if it has
     responded to an earlier request.
@@ -518,7 +518,7 @@ class ActionGoal(PendingCall):
         return not (self._port.is_usable and self._port.sender.service_is_ready())
 
     def abandon_if_silent(self, navigator: str) -> None:
-        """Abandon the goal if the server has also stopped sending feedback.
+        """Abandon the goal if its server has stopped sending feedback, and the server's lifecycle node does not respond.
 
         Args:
             navigator: The name of the server's lifecycle node, which does not respond.
@@ -542,7 +542,7 @@ class ActionGoal(PendingCall):
         return self._port.server_is_ready
 
     def chase(self) -> None:
-        """If a request about an abandoned goal is due, send it: first to cancel the goal, then to get the result."""
+        """Send the next request about an abandoned goal if it is due: first cancel the goal, then get the result."""
         if self.has_ended:
             self._drop_pending()
         if self.has_ended or not self._abandoned or not (self._chased is None or self._chased.has_passed):
@@ -553,7 +553,7 @@ class ActionGoal(PendingCall):
             self._cancel_sent()
 
     def _query_result(self) -> None:
-        """Request the result again, because a server that does not know the goal responds at once."""
+        """Request the result again. A server that does not know the goal responds to this request at once."""
         self._chased = self._limit(_CHASE_SEC)
         prober = self._port.prober
         if self._port.is_usable and prober.service_is_ready():

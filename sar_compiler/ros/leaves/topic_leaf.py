@@ -117,7 +117,7 @@ class TopicLeaf(RosLeaf):
             self._message = None
 
     def update(self) -> Status:
-        """Return the status of `on_message` for the latest message; without a message, the status of `on_silence`."""
+        """Return the status of `on_message` for the latest message, or of `on_silence` if there is no message."""
         message = self.message
         self.feedback_message = ""
         try:
