@@ -157,7 +157,7 @@ class PoseFile:
         return places
 
     def restore(self, robots: Sequence[Placement]) -> list[Placement]:
-        """Return the robots at the poses in the file; a robot without a pose in the file is at its start.
+        """Return the robots at the poses in the file. A robot without a pose in the file is at its start.
 
         Raises:
             PoseFileError: As for `read`.

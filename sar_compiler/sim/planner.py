@@ -110,7 +110,7 @@ class Planner:
         return Path2D(self._smooth(self.occupancy.centre_of(cells[:, 0], cells[:, 1]), goal))
 
     def ground_from(self, start: Pose2D) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which cells are free, and which cells the robot's body can cover if the robot starts at a position.
+        """Return which cells are free, and which cells the robot's body can cover from a start position.
 
         Raises:
             PlanningError: If the robot cannot start at the position.
@@ -122,7 +122,7 @@ class Planner:
         return self.occupancy.cells == FREE, near <= self._radius + self.occupancy.resolution
 
     def _nearest_free(self, goal: Pose2D, tolerance: float) -> Pose2D:
-        """Return the position nearest to a goal at which the robot fits, within a maximum distance in metres."""
+        """Return the position nearest to a goal where the robot fits, within a maximum distance in metres."""
         cell = self.occupancy.cell_at(goal.x, goal.y)
         if cell is None or self.fits[cell]:
             return goal
@@ -186,7 +186,10 @@ def clearance(occupancy: OccupancyMap) -> Floats:
 
 
 def _next_nodes(graph: csr_array, goal: int) -> NDArray[np.int32]:
-    """Return the next node on the path from each node to a goal, or `_NO_PATH` for the goal and if there is no path."""
+    """Return, for each node, the next node on the path to a goal.
+
+    The result is `_NO_PATH` for the goal itself and for nodes from which no path leads to the goal.
+    """
     # The costs of the paths are not stored, because they would need twice as much memory.
     following: NDArray[np.int32] = dijkstra(graph, indices=goal, return_predecessors=True)[1]
     return following
@@ -222,8 +225,8 @@ def _grid_graph(passable: NDArray[np.bool_], cost: Floats) -> tuple[csr_array, N
 _PROBLEMS = {
     NavCode.START_OUTSIDE_MAP: "the robot's start is outside the map",
     NavCode.START_OCCUPIED: "there is not enough free ground for the robot at its start",
-    NavCode.GOAL_OUTSIDE_MAP: "it is outside the map",
-    NavCode.GOAL_OCCUPIED: "there is not enough free ground for the robot there",
+    NavCode.GOAL_OUTSIDE_MAP: "the position is outside the map",
+    NavCode.GOAL_OCCUPIED: "there is not enough free ground for the robot at this position",
     NavCode.NO_VALID_PATH: "no path leads there",
 }
 
@@ -303,7 +306,10 @@ def reachable_areas(
 
 
 def _innermost_position(part: NDArray[np.bool_], occupancy: OccupancyMap) -> tuple[float, float]:
-    """Return the position in a part of the map that is farthest from its edge: x and y in metres, frame `map`."""
+    """Return the position that is inside a part of the map and farthest from the edge of this part.
+
+    The result is x and y in metres, frame `map`.
+    """
     depth = distance_transform_edt(np.pad(part, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(int(depth.argmax()), depth.shape)
     ((x, y),) = occupancy.centre_of(np.array([row]), np.array([column]))
@@ -337,7 +343,7 @@ def plan_route(
             legs.append(RouteLeg(name, x, y, None, _PROBLEMS[error.code]))
             continue
         if not allowed(x, y):
-            legs.append(RouteLeg(name, x, y, None, "it is outside the geofence"))
+            legs.append(RouteLeg(name, x, y, None, "the position is outside the geofence"))
             continue
         steps = np.hypot(*np.diff(np.vstack(([here.x, here.y], path.points)), axis=0).T)
         legs.append(RouteLeg(name, x, y, float(steps.sum()), _geofence_problem(path.points, allowed)))
@@ -348,4 +354,4 @@ def plan_route(
 def _geofence_problem(points: Floats, allowed: Callable[[float, float], bool]) -> str:
     """Return a message if a path leaves the allowed area; otherwise an empty string."""
     inside = all(allowed(float(x), float(y)) for x, y in points)
-    return "" if inside else "the path there leaves the geofence"
+    return "" if inside else "the path to this position leaves the geofence"

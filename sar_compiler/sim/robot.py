@@ -106,7 +106,7 @@ class Robot:
         self._others = tuple(others)
 
     def surroundings(self) -> Solid:
-        """Return all objects that this robot can touch and see."""
+        """Return all objects that this robot can touch and that its lidar can detect."""
         if not self._others:
             return self._world.obstacle_arrays
         poses = (other.state.pose for other in self._others)

@@ -1,4 +1,4 @@
-"""Mapping of a world: the robot drives through the world with its lidar, and the scans are combined to a map.
+"""Mapping of a world: the robot drives through the world with its lidar, and the scans are combined into a map.
 
 Each cell has log-odds of being occupied. A ray decreases the log-odds of the cells that it passes, and increases the log-odds of the cell
 in which it ends.
@@ -33,7 +33,7 @@ _SIZE = 2 * round(_REACH / _RESOLUTION)
 
 
 class Mapper:
-    """Combines scans at known poses to a map.
+    """Combines scans at known poses into a map.
 
     Args:
         lidar: The scanner that takes the scans.

@@ -153,23 +153,23 @@ class LiveFeed:
         self._ended = self._has_sent_all = False
 
     def add_entry(self, entry: JournalEntry, robot: int = 0) -> None:
-        """Queue an entry of a robot; can be called in any thread and does not block."""
+        """Queue an entry of a robot, from any thread and without blocking."""
         self._queue.append(lambda: _apply_entry(self._states[robot], entry))
 
     def set_why(self, why: Mapping[str, Any], robot: int = 0) -> None:
-        """Queue why a robot's run failed, as JSON values; can be called in any thread and does not block."""
+        """Queue the cause of the failure of a robot's run, as JSON values, from any thread and without blocking."""
         self._queue.append(lambda: self._states[robot].set_why(why))
 
     def set_awaited(self, items: Sequence[AwaitedItem], robot: int = 0) -> None:
-        """Queue the resources that a robot's next run waits for; can be called in any thread and does not block."""
+        """Queue the resources that a robot's next run waits for, from any thread and without blocking."""
         self._queue.append(lambda: self._states[robot].set_awaited(items))
 
     def set_process(self, process: RunProcess, robot: int = 0) -> None:
-        """Queue the state of a robot's process; can be called in any thread and does not block."""
+        """Queue the state of a robot's process, from any thread and without blocking."""
         self._queue.append(lambda: self._states[robot].set_process(process))
 
     def offer(self, verbs: Sequence[Mapping[str, Any]], robot: int = 0) -> None:
-        """Queue the available commands of a robot, as JSON values; can be called in any thread and does not block."""
+        """Queue the available commands of a robot, as JSON values, from any thread and without blocking."""
         self._queue.append(lambda: self._send_commands([*verbs], robot))
 
     def _send_commands(self, verbs: list[Mapping[str, Any]], robot: int) -> None:
@@ -205,7 +205,7 @@ class LiveFeed:
         self._has_sent_all = True
 
     def finish(self) -> None:
-        """Make `run` send the queued entries and then return. This can be called in any thread."""
+        """Make `run` send the queued entries and then return. Any thread can call this method."""
         self._ended = True
 
     async def _send_new_entries(self) -> None:
@@ -221,7 +221,7 @@ class LiveFeed:
 
 
 def _apply_entry(state: PageState, entry: JournalEntry) -> None:
-    """Apply an entry in its JSON form. If it is not valid JSON, apply an event that reports this instead."""
+    """Apply an entry in its JSON form. If the entry is not valid JSON, apply an event that reports this."""
     try:
         data = json_value(json_text(entry.data))
     except Exception as error:  # noqa: BLE001 - an entry must not end the page

@@ -70,7 +70,7 @@ class LastStatus(NamedTuple):
     def with_status(
         self, status: str, message: str, label: str, tick: int, now: float, *, was_reset: bool
     ) -> "LastStatus":
-        """Return the record after a further status. After a reset, this status starts a new activation."""
+        """Return the record with one further status. After a reset, this status starts a new activation."""
         is_same = self.status == status and not was_reset
         has_failed = status == FAILURE
         took = now - self.since if self.status == RUNNING and status != RUNNING else 0.0
@@ -122,7 +122,7 @@ class GrowingList:
         self.values, self._first_changed = values, 0
 
     def pop_changes(self) -> dict[str, Any] | None:
-        """Return the changes since the last call; None if there are none."""
+        """Return the changes since the last call, or None if nothing has changed."""
         at, self._first_changed = self._first_changed, len(self.values)
         return {"at": at, "values": self.values[at:]} if at < len(self.values) else None
 
@@ -206,7 +206,7 @@ class PageState:
         self._touched.add("why")
 
     def set_awaited(self, items: Sequence[AwaitedItem]) -> None:
-        """Set the resources that the next run waits for. The start of this run removes them."""
+        """Set the resources that the next run waits for. They are removed when this run starts."""
         self._mission.awaited = items
         self._touched.update(("awaited", "condition", "tasks"))
 
@@ -218,7 +218,7 @@ class PageState:
             self._touched.update(("condition", "tasks", "resume"))
 
     def change(self) -> PageChange | None:
-        """Return the changes since the last call; None if there are none."""
+        """Return the changes since the last call, or None if nothing has changed."""
         if self._is_new:
             change = self.full_state()
             for _, each in self._lists():

@@ -109,7 +109,7 @@ class LiveTools:
         ]
 
     def _change_breakpoints(self, values: Mapping[str, Any]) -> object:
-        """Change the breakpoint of a node (`node`, `is_set`), or resume the tree (`goes_on`); return all breakpoints."""
+        """Set or remove a breakpoint (`node`, `is_set`), or resume the tree (`goes_on`); return all breakpoints."""
         if self._tree is None:
             raise ToolError(_NO_TREE)
         self._breakpoints.keep_alive()

@@ -1,4 +1,4 @@
-"""Computes the recorded state of missions at any time from their journals, for a replay page.
+"""Computes, for a replay page, the state of missions at any time from the missions' journals.
 
 The state at a time is computed from the nearest earlier checkpoint, which contains the packed state after a number of entries.
 Checkpoints are created when a journal is opened, and kept in memory. The journals are not changed.
@@ -17,7 +17,7 @@ from sar_compiler.journal.mission_state import RunProcess
 from sar_compiler.web.page_state import PageState, all_changes
 
 Explain = Callable[[Path], Mapping[str, Any] | None]
-"""A function that finds the cause of a mission's failure in a journal; None if the mission has not failed."""
+"""Returns the cause of a mission's failure according to its journal, or None if the mission has not failed."""
 
 # The difference between the clocks of robots above which their missions are unrelated, in seconds.
 _UNRELATED_SEC = 24 * 3600
@@ -105,7 +105,7 @@ class ReplayTrack:
         self.last = position
 
     def state_at(self, time: float, robot: int) -> PageState:
-        """Return the state at a time in seconds since the replay's start. The next call changes the same object.
+        """Return the state at a time in seconds since the replay's start. The next call changes the returned object.
 
         The state of the last call is advanced if it is near enough; otherwise a checkpoint is restored.
         """

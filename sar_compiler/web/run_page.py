@@ -185,7 +185,7 @@ def replay_journals(paths: Sequence[Path], port: int | None, *, opens: bool = Fa
 
 
 def watch_journals(paths: Sequence[Path], port: int | None, *, opens: bool = False) -> None:
-    """Serve a page of missions that run in other processes until Ctrl-C, using their journals.
+    """Serve a page of missions that run in other processes, from the missions' journals, until Ctrl-C.
 
     Raises:
         JournalError: If a file is not a journal, or cannot be read.
@@ -335,7 +335,7 @@ def _serve(
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Return the robots' names: the namespaces in journal file names if they are unique, else the file names."""
+    """Return the robots' names: the namespaces in the journal file names if unique, otherwise the file names."""
     stems = [path.stem for path in paths]
     spaces = [stem.partition(".")[0] for stem in stems]
     return spaces if len(set(spaces)) == len(stems) else stems

@@ -212,9 +212,9 @@ def test_a_check_names_the_places_that_cannot_be_reached(start):
     )  # fmt: skip
     assert run.end() == 1
     for problem in (
-        "zone_b (99.00, 3.00): it is outside the map.",
-        "zone_c (4.00, 0.00): there is not enough free ground for the robot there.",
-        "zone_d (-3.50, -3.00): it is outside the geofence.",
+        "zone_b (99.00, 3.00): the position is outside the map.",
+        "zone_c (4.00, 0.00): there is not enough free ground for the robot at this position.",
+        "zone_d (-3.50, -3.00): the position is outside the geofence.",
         "all requirements are present, but the route has 3 problems (see above)",
     ):
         assert f"sar-run: {problem}" in run.output, run.output
@@ -235,7 +235,7 @@ def test_a_check_looks_at_the_map_that_a_robot_publishes(start, ros):
         "sar-run", "--check", "--ros-args", "-p", "startup_timeout_sec:=10.0", "-p", "zones.zone_b.x:=99.0"
     )
     assert run.end() == 3
-    assert "zone_b (99.00, 3.00): it is outside the map." in run.output, run.output
+    assert "zone_b (99.00, 3.00): the position is outside the map." in run.output, run.output
     assert re.search(r"  zone_a +4\.\d m", run.output), run.output
 
 

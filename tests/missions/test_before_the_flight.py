@@ -80,7 +80,7 @@ class TestTheReport:
         fence = [1.0, 1.0, 5.0, 1.0, 5.0, 5.0, 1.0, 5.0]
         problems = self.report(begun(geofence=fence)).problems
         assert problems[0] == "The start (0.00, 0.00) is outside the geofence."
-        assert "zone_a (-3.00, 3.00): it is outside the geofence." in problems
+        assert "zone_a (-3.00, 3.00): the position is outside the geofence." in problems
 
     def test_a_wider_robot_does_not_fit_where_a_narrow_one_does(self) -> None:
         assert self.report(begun()).problems == []

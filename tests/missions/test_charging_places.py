@@ -104,7 +104,7 @@ def test_a_check_names_a_place_that_cannot_be_reached() -> None:
     good, bad = (RouteReport(begun(dock__x=x, dock__y=3.0), RunParameters(), occupancy) for x in (-3.0, 99.0))
     assert not any("dock" in problem for problem in good.problems)
     assert [line for line in good.lines if line.startswith("  dock, from the start: ")]
-    assert "dock (99.00, 3.00): it is outside the map." in bad.problems
+    assert "dock (99.00, 3.00): the position is outside the map." in bad.problems
 
 
 def test_the_robot_goes_to_the_nearest_place_that_it_reaches_with_the_reserve() -> None:

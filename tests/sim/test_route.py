@@ -27,9 +27,9 @@ def test_distances_are_those_of_the_way_from_place_to_place(two_rooms):
 @pytest.mark.parametrize(
     ("x", "y", "trouble"),
     [
-        (9.0, 1.0, "it is outside the map"),
-        (4.05, 1.0, "there is not enough free ground for the robot there"),
-        (3.9, 1.0, "there is not enough free ground for the robot there"),
+        (9.0, 1.0, "the position is outside the map"),
+        (4.05, 1.0, "there is not enough free ground for the robot at this position"),
+        (3.9, 1.0, "there is not enough free ground for the robot at this position"),
         (6.0, 1.0, "no path leads there"),
     ],
 )
@@ -54,8 +54,8 @@ def test_a_place_outside_the_geofence_and_a_way_that_leaves_it_are_told_apart(tw
     stops = [("outside", 2.0, 1.0), ("inside", 3.5, 1.0)]
     legs = plan_route(Planner(two_rooms, RADIUS), (0.5, 1.0), stops, lambda x, _: not 1.5 < x < 3.0)
     assert [leg.trouble for leg in legs] == [
-        "it is outside the geofence",
-        "the path there leaves the geofence",
+        "the position is outside the geofence",
+        "the path to this position leaves the geofence",
     ]
     assert [leg.distance for leg in legs] == [None, pytest.approx(3.0, abs=0.15)]
 
