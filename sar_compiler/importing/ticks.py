@@ -46,7 +46,7 @@ _NEAR = 3
 
 
 _SILENT = ("PipelineSequence", "NonblockingSequence", "Precondition", "SkipUnlessUpdated", "WaitValueUpdate")
-"""The controls and decorators that become RUNNING only after they have ticked a child; other such nodes select a child."""
+"""The controls and decorators, other than selecting controls, that become RUNNING only after they have ticked a child."""
 
 
 class WaitRule(Enum):

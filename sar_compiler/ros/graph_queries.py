@@ -126,7 +126,7 @@ class EndpointState:
 
     @property
     def remedy(self) -> str:
-        """The instruction that remaps this endpoint to the first alternative; empty without an alternative."""
+        """The instruction that remaps this endpoint to the first alternative; empty if there is no alternative."""
         if not self.elsewhere:
             return ""
         target = self.elsewhere[0]
@@ -414,7 +414,10 @@ class RosGraph:
         return ""
 
     def _infos(self, topic: str, *, hears: bool = False) -> list[Any]:
-        """Return the publishers (or subscriptions) of other nodes on the topic with this full name."""
+        """Return the publishers of other nodes on a topic, given the topic's full name.
+
+        If *hears* is True, return the subscriptions of other nodes.
+        """
         return self._get_cached((topic, "infos", hears), lambda: self._find_infos(topic, hears=hears))
 
     def _find_infos(self, topic: str, *, hears: bool, is_service: bool = False) -> list[Any]:

@@ -142,7 +142,7 @@ class LifecycleState(PolledService):
 
     @property
     def silent_sec(self) -> float:
-        """How long the lifecycle node has not responded, in seconds; 0 if the node responds."""
+        """The time for which the lifecycle node has not responded, in seconds; 0 if the node responds."""
         return 0.0 if self.silent_since is None else AWAKE.now() - self.silent_since
 
     @property

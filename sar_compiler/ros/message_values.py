@@ -629,7 +629,7 @@ def _check_length(*turn: float, tolerance: float = _ROTATION_TOLERANCE) -> float
 
 
 class ValueReports:
-    """Logs each kind of problem with a value once for each source of values; created by `value_reports`.
+    """Logs each kind of problem once for each source of values; created by `value_reports`.
 
     Args:
         node: The rclpy node that logs the problems.

@@ -98,7 +98,7 @@ _UNFINISHED_SEC = 2.0
 
 
 def remove_stale_segments(folder: Path = _FOLDER) -> int:
-    """Remove the shared-memory segments that this user's ended processes have left; return their number.
+    """Remove the shared-memory segments that this user's ended processes have left; return the number of segments.
 
     A segment is not removed if its lock is held, it is younger than a minute, or it belongs to another user. Ports are not removed either,
     because a starting process takes over ports of ended processes, protected by a mutex of Fast DDS. If this function checked a port at

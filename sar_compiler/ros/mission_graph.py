@@ -64,7 +64,7 @@ def find_missions(node: Node) -> list[LeaseClaim]:
 
 
 def available_commands(node: Node, of: str) -> list[str]:
-    """Return the names of the commands without fields that a mission currently accepts.
+    """Return the names of the commands that a mission currently accepts and that have no fields.
 
     Args:
         node: The node that queries the ROS graph.

@@ -27,7 +27,7 @@ _DISCOVERED_SEC = 2.0
 
 
 class Nav2Log:
-    """Warnings and errors of the other nodes in the namespace of a node; created by `nav2_log`.
+    """The warnings and errors that other nodes in a node's namespace have logged; created by `nav2_log`.
 
     Args:
         node: The rclpy node, which subscribes to `/rosout`.

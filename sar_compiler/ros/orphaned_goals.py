@@ -153,7 +153,7 @@ class CancelClients:
 
 
 class OrphanedGoal:
-    """A goal that its own process can no longer cancel, so another process requests its end.
+    """A goal whose own process can no longer cancel it, so that another process requests the goal's end.
 
     The cancel requests are repeated until the goal has ended. Three sources can show the goal's end: the status topic, the response to the
     request for the result, and the response of a server that does not know the goal (because the server was restarted, or has never
@@ -298,7 +298,7 @@ class Canceller:
 
 
 class CancelFunction(Protocol):
-    """Cancels the goals of a node; may be called from any thread."""
+    """Cancels the goals of a node. Any thread may call this function."""
 
     def __call__(self, limit_sec: float) -> Sequence[str]:
         """Cancel the goals within a time limit in seconds; return the actions of the goals that have not ended."""

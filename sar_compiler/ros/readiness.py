@@ -200,7 +200,7 @@ class LocalisationCheck(Requirement):
         return True
 
     def _must_wait_for_pose(self, now: float) -> bool:
-        """Return whether to wait, because the pose or the owner of the received transforms is not known yet."""
+        """Return whether to wait until the pose is known, and the robot to which the received transforms belong."""
         if not self._robot.is_localised:
             return False
         is_placed = self._robot.last_pose() is not None

@@ -218,7 +218,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         atexit.register(self._shut_down_at_exit)
 
     def _make_guard(self, node: Node) -> Any:
-        """Create a trigger that calls `_on_wake` in the node's executor, from any thread."""
+        """Create a trigger with which any thread can schedule a call of `_on_wake` in the node's executor."""
         executor: Any = node.executor
         if executor is None or isinstance(executor, Executor):
             return node.create_guard_condition(self._on_wake)
@@ -358,7 +358,7 @@ class TreeRunner(py_trees.trees.BehaviourTree):
         self._trigger()
 
     def interrupt(self) -> None:
-        """Request to stop the tree in the executor's thread; may be called by signal handlers and other threads."""
+        """Request that the executor's thread stops the tree. Signal handlers and other threads may call this method."""
         super().interrupt()
         self._trigger()
 

@@ -407,7 +407,7 @@ class BtNavigator:
             self._end(outcome)
 
     def _kill(self, fault: Fault) -> None:
-        """Make the node that a fault names disappear."""
+        """Make the node that is named by a fault disappear."""
         if fault.target == LOCALISATION:
             self._lose_localisation(None if fault.back is None else self._now + fault.back)
         else:

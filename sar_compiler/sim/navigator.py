@@ -36,7 +36,7 @@ class Recovery:
 
 @dataclass(frozen=True)
 class DrivingManner:
-    """The manner of driving of the Nav2 substitute.
+    """The way in which the Nav2 substitute drives.
 
     Attributes:
         speed: The highest speed of a drive, m/s.

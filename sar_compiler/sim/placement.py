@@ -18,7 +18,7 @@ _NAME = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,99}")
 
 QUICK_NAME, NAV2_NAME = "quick", "nav2"
 MANNER_NAMES = (QUICK_NAME, NAV2_NAME)
-"""The manners of driving of the Nav2 substitute (`sim.navigator`)."""
+"""The names of the Nav2 substitute's manners of driving (`sim.navigator`)."""
 
 
 class PlacementError(SarError):

@@ -159,7 +159,10 @@ class Planner:
         return node
 
     def _nearest_node(self, place: Pose2D, within: float) -> int | None:
-        """Return the node of the nearest cell at which the robot fits; None if it is farther away than `within` metres."""
+        """Return the node of the nearest cell at which the robot fits, or None if no such cell is near enough.
+
+        The maximum distance of the cell is *within*, in metres.
+        """
         centres = self.occupancy.centre_of(self._cells[:, 0], self._cells[:, 1])
         distance = np.hypot(centres[:, 0] - place.x, centres[:, 1] - place.y)
         return None if np.min(distance, initial=math.inf) > within else int(np.argmin(distance))

@@ -158,7 +158,7 @@ _idle_processes: list[RunProcessSlot] = []
 
 
 def _execute_run(program: Sequence[str], arguments: Sequence[str]) -> SimulatedRunResult:
-    """Run a mission; use an existing process if one of them is idle."""
+    """Run a mission, in an existing process if one is idle."""
     process = _usable_process(program)
     _busy_processes.add(process)
     try:

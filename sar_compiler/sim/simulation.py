@@ -93,7 +93,7 @@ def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0)
 
 
 def seed_of(seed: int, number: int) -> int:
-    """Return the noise seed of a robot, given the robot's number; robot 0 has *seed* itself."""
+    """Return the noise seed of the robot with the given number. Robot 0 has *seed* itself."""
     if number == 0:
         return seed
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1, np.uint64)[0])
@@ -353,7 +353,7 @@ class Simulation:
             self._notify_clients()
 
     def _advance(self) -> None:
-        """Make a step when it is due, unless something has ended the simulation."""
+        """Make the next step when it is due, unless an exception has ended the simulation."""
         if self.failure is None:
             with self._store_exception():
                 if (early_sec := self._due - time.monotonic()) > 0.0:

@@ -384,7 +384,7 @@ class ServerProbe:
         self._limit = Deadline(limit_sec, clock)
 
     def has_server_stopped(self) -> bool:
-        """Send the next request if it is due; return whether the server has responded before but is now silent."""
+        """Send the next request if it is due; return whether a server that has responded before is now silent."""
         if self._request is None:
             if self._due.has_passed:
                 self._send_request()
@@ -475,7 +475,7 @@ class ActionGoal(PendingCall):
 
     @property
     def may_be_active(self) -> bool:
-        """Whether the server may execute the goal, and the goal was not abandoned."""
+        """Whether the server may be executing the goal, and the goal was not abandoned."""
         return self.sent and not self.is_over and not self._abandoned
 
     @property

@@ -152,9 +152,9 @@ NAMED_QOS = {
     "reliable": ("reliable", "volatile"),
     "transient_local": ("reliable", "transient_local"),
 }
-"""The reliability and durability of QoS profiles by name, least demanding first."""
+"""The reliability and durability of each named QoS profile, least demanding first."""
 WORDS = {"action": "action", "srv": "service", "msg": "topic"}
-"""The words for endpoints by the kind of their interface."""
+"""The word for an endpoint, such as `service`, by the kind of its interface."""
 
 
 def find_interface(owner: str, kind: str, name: str, written: Any) -> Any:

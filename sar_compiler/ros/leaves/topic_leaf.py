@@ -82,7 +82,7 @@ class TopicLeaf(RosLeaf):
 
     @property
     def absence_reason(self) -> str:
-        """The reason why there is no usable message, as the end of a sentence.
+        """A sentence ending with the reason why there is no usable message.
 
         The reason is a problem with the last message or with the ROS graph. The text is empty if messages of a publisher reach the leaf.
         """
@@ -161,7 +161,7 @@ class TopicLeaf(RosLeaf):
 
     @property
     def unusable_reason(self) -> str:
-        """The reason why the last message is unusable, as the end of a sentence; empty if there is no such message."""
+        """A sentence ending with the reason why the last message is unusable; empty if there is no such reason."""
         return f" ({self._problem})" if self._problem else ""
 
     def _on_message(self, message: Any) -> None:
