@@ -1,1 +1,1 @@
-"""Files beside a tree (scenarios, properties, worlds, maps, settings): their values with locations, checked by schemas."""
+"""Read the files used with a tree (scenarios, properties, worlds, maps, settings), and check them with schemas."""

@@ -1,4 +1,4 @@
-"""Values in files with their locations, and validation of values against JSON schemas, which reports all errors of a file."""
+"""Parsed values and their locations in a file. A JSON schema validates them, and all errors are reported at once."""
 
 import functools
 import json
@@ -140,7 +140,7 @@ def _conflict(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation
 def _wrong_quotes(
     validator: "Draft7Validator", value: "Value", path: Path, error: Any
 ) -> SchemaViolation | None:
-    """Return the finding about a value that would be valid with quotes, or without them; None for other values."""
+    """Return a finding if adding or removing quotes would make the value valid; otherwise return None."""
     if error.validator not in ("type", "enum") or value.text is None or value.is_nothing:
         return None
     if isinstance(value.data, str):
@@ -174,7 +174,7 @@ def _schema_violations(
 
 
 def _unusual_number(root: "Value", path: Path, error: Any) -> Iterator[SchemaViolation]:
-    """Yield a warning about a valid number that is unusual in its unit."""
+    """Yield a warning about a number that is valid, but unusually small or large for the expected unit."""
     oddity = find_implausible_number(error.instance, error.schema[UNIT])
     assert oddity is not None  # noqa: S101 - the error is about it
     message = f"{_title(path, error.schema)} {oddity.message}"
@@ -182,7 +182,7 @@ def _unusual_number(root: "Value", path: Path, error: Any) -> Iterator[SchemaVio
 
 
 def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str | None, str | None]:
-    """Return either a replacement or a hint for a value."""
+    """Return a valid replacement for a wrong value, or a hint that says what to write."""
     only = value.items[0] if value.items is not None and len(value.items) == 1 else value
     text, unit = only.text or "", schema.get(UNIT, "")
     meant = next(
@@ -208,7 +208,7 @@ def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str
 
 
 def _meanings(text: str, unit: str, schema: dict[str, Any]) -> Iterator[str]:
-    """Yield the values that the author of a text in another notation or another unit probably intended."""
+    """Yield the values that the author probably meant by a text in a different notation or unit."""
     readings = (
         intended_duration(text) if "pattern" in schema else None,
         convert_with_unit(text, unit),
@@ -223,7 +223,7 @@ def _types(schema: dict[str, Any]) -> set[str]:
 
 
 def _accepted_values(schema: dict[str, Any]) -> str:
-    """Describe the values that a schema accepts, as the end of a sentence."""
+    """Return a phrase that describes the values accepted by a schema, such as "a number or a string"."""
     if "enum" in schema:
         return f"one of {', '.join(_texts(schema['enum']))}"
     types = _types(schema)
@@ -235,7 +235,7 @@ def _accepted_values(schema: dict[str, Any]) -> str:
 
 
 def _owner(path: Path, schema: dict[str, Any]) -> str:
-    """Return the description of a mapping with a wrong or missing key, as the beginning of a sentence."""
+    """Return a phrase that describes a mapping with a wrong or missing key; it begins a message."""
     return schema.get("title") or _title(path, schema)
 
 
@@ -306,7 +306,7 @@ class Value:
 
     @property
     def kind(self) -> str:
-        """The kind of a list, mapping or empty value, or the text of a scalar, as the end of a sentence."""
+        """A phrase that describes the value at the end of a message, such as "a list" or "the string '5'"."""
         if self.text is None:
             return "a list" if self.entries is None else "a mapping"
         if self.is_nothing:
@@ -316,12 +316,12 @@ class Value:
 
     @property
     def scalar(self) -> bool | float | str | None:
-        """The value that a scalar's text has if it is written without quotes."""
+        """The value that this scalar would have if its text were written without quotes."""
         return parse_scalar(self.text or "")
 
     @property
     def mapping(self) -> dict[str, "Value"]:
-        """The values of a mapping by their keys; empty for other values."""
+        """The values of this mapping, by key. The result is empty if this value is not a mapping."""
         return {key.text or "": inner for key, inner in self.entries or ()}
 
     @property
@@ -337,12 +337,12 @@ class Value:
         return value
 
     def name_at(self, path: Path) -> "Value":
-        """Return the key of the value at a path; the value itself if it has no key."""
+        """Return the key of the value at *path*, or the value itself if this value has no key."""
         keys = (key for key, _ in self.value_at(path[:-1]).entries or () if path and key.text == path[-1])
         return next(keys, self.value_at(path))
 
     def without_paths(self, paths: Iterable[Path]) -> "Value":
-        """Return a copy of this value without the values at *paths*, none of which may be empty."""
+        """Return a copy of this value without the values at *paths*. Every path must have at least one step."""
         below: defaultdict[int | str, set[Path]] = defaultdict(set)
         for path in paths:
             below[path[0]].add(path[1:])
@@ -360,7 +360,7 @@ class Value:
 
 
 def parse_scalar(text: str) -> bool | float | str | None:
-    """Convert an unquoted text to the number or Boolean that it represents, or to None if empty; otherwise return the text."""
+    """Convert an unquoted text to a number, a Boolean or (if empty) None; return any other text unchanged."""
     if text in _CONSTANTS:
         return _CONSTANTS[text]
     value = literal_value(text)
@@ -385,7 +385,7 @@ class Document:
         self._values = 0
 
     def count_value(self) -> None:
-        """Count a parsed value.
+        """Add 1 to the number of parsed values.
 
         Raises:
             TreeError: If there are more than `MAX_VALUES`, because each needs a thousand times the memory of its text.
@@ -448,7 +448,7 @@ class Document:
 
     @contextmanager
     def prefer_findings(self) -> Iterator[None]:
-        """Raise the file's findings instead of an error that may result from them.
+        """If the block raises an error and the file has findings, raise these findings instead of the error.
 
         Raises:
             TreeError: If the file has findings and the block raises a `SarError`.
@@ -460,7 +460,7 @@ class Document:
             raise
 
     def raise_findings(self) -> None:
-        """Raise all findings about the file, in file order, if there are errors among them.
+        """If any finding about the file is an error, raise all findings in file order.
 
         Raises:
             TreeError: If at least one finding is an error.
@@ -474,7 +474,7 @@ class Document:
         return tuple(each for each in _sort_findings(self.findings) if each.severity is not Severity.ERROR)
 
     def span(self, value: Value, part: tuple[int, int] | None = None) -> Span:
-        """Return the location of a value or a part of its text; for lists and mappings, the first line."""
+        """Return the location of a value or of a part of its text. For a list or mapping, this is its first line."""
         source = self.source
         if value.text is None:
             # Only the beginning is marked, because a mapping may extend over many lines.

@@ -30,7 +30,7 @@ _Offsets = tuple[int, int]
 
 
 def read_toml(path: Path, shown: str) -> Document:
-    """Read a TOML file; *shown* is the path for findings.
+    """Read a TOML file. Findings show the path *shown*.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
@@ -64,7 +64,7 @@ def read_toml(path: Path, shown: str) -> Document:
 def _value(
     data: Any, path: _KeyPath, places: "_TomlLocations", around: _Offsets, document: Document
 ) -> Value:
-    """Return data as a located value; if the location is unknown, the location of the enclosing value is used."""
+    """Add a location to TOML data. If the location is unknown, use the location of the enclosing value."""
     document.count_value()
     start, end = place = places.values.get(path, around)
     if isinstance(data, dict):
@@ -91,7 +91,7 @@ def _value(
 
 
 class _TomlLocations:
-    """The offsets of keys and values by key path. Keys in an array of tables (`[[name]]`) have no offsets."""
+    """The offsets of keys and values, by key path. No offsets are stored for arrays of tables (`[[name]]`)."""
 
     def __init__(self, text: str) -> None:
         self.keys: dict[_KeyPath, _Offsets] = {}
@@ -109,19 +109,19 @@ class _TomlLocations:
                 self._pair(table)
 
     def text_of(self, path: _KeyPath, data: object) -> str:
-        """Return the text of a value that is not a string, which distinguishes `4.10` from `4.1`."""
+        """Return the source text of a value that is not a string, to distinguish `4.10` from `4.1`."""
         if path in self.values:
             return self._text[slice(*self.values[path])]
         return str(data).lower() if isinstance(data, bool) else str(data)
 
     def _skip_pattern(self, pattern: re.Pattern[str]) -> str:
-        """Skip the match of a pattern at this position; return it, or an empty string."""
+        """Skip and return the text that matches a pattern here. Return an empty string if nothing matches."""
         match = pattern.match(self._text, self._at)
         self._at = match.end() if match else self._at
         return match[0] if match else ""
 
     def _skip(self) -> int:
-        """Skip whitespace and comments; return the position after them."""
+        """Skip whitespace and comments, and return the position where the next token starts."""
         self._skip_pattern(_BLANK)
         return self._at
 

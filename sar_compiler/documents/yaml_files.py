@@ -68,7 +68,7 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | Non
 
 
 class _Dumper(yaml.SafeDumper):
-    """Dumper of Python data that writes enumeration members by name, and repeated values without anchors."""
+    """A YAML dumper that writes the names of enumeration members, and writes repeated values in full."""
 
     def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002
         return True

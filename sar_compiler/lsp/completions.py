@@ -106,7 +106,7 @@ def _yaml_context(before: str) -> CompletionContext | None:
 
 
 def _yaml_parent_tag(before: str, indent: int) -> str | None:
-    """Return the tag of the mapping that contains the line after *before*, which has the given indentation."""
+    """Return the tag of the mapping that contains the next line, which has the indentation *indent*."""
     for line in reversed(before.split("\n")):
         blanks = len(line) - len(line.lstrip(" "))
         if line.strip() and not line.lstrip().startswith("#") and blanks < indent:
@@ -185,7 +185,7 @@ def _values(context: CompletionContext, registry: Registry, tree: ProjectTree | 
 
 
 def _keys(tree: ProjectTree | None) -> list[str]:
-    """Return the blackboard keys that all trees of a file use."""
+    """Return all blackboard keys used by the trees of a file."""
     if tree is None:
         return []
     return sorted({key for each in tree.context.key_accesses.values() for key in each.keys})
@@ -198,6 +198,6 @@ def _referable_nodes(parameter: Parameter, tree: ProjectTree | None) -> list[str
 
 
 def page_of_tag(tag: str, registry: Registry) -> str | None:
-    """Return the description of a tag with its attributes and possible outcomes; None if the tag is unknown."""
+    """Describe a tag, with attributes and possible outcomes. Return None if the tag is unknown."""
     specs = registry.variants(tag) or ([subtree()] if tag == SUBTREE_TAG else [])
     return nodes_as_text(specs) if specs else None

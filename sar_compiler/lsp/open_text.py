@@ -1,4 +1,4 @@
-"""The text of an open file, and the findings about it, whose positions move with edits.
+"""The text of an open file, and the findings about this text. Each edit updates the positions of findings.
 
 While a tag is incomplete, most of a file cannot be parsed, and the findings would vanish until the tag is closed. So
 the findings about the last text that could be parsed remain, except for findings whose text was edited.
@@ -47,7 +47,7 @@ def edit_between(old: str, new: str) -> Edit:
 
 
 def _common_length(limit: int, are_alike: Callable[[int, int], bool]) -> int:
-    """Return the length of the common beginning of two texts, up to a limit; *are_alike* compares a range of both."""
+    """Return the length of the prefix that two texts share, at most *limit*; *are_alike* compares two ranges."""
     alike, different = 0, limit + 1
     while different - alike > 1:
         middle = (alike + different) // 2
@@ -79,7 +79,7 @@ class PlacedFinding(NamedTuple):
         return cls(finding, *finding.source.offsets(finding.span))
 
     def after_edit(self, edit: Edit) -> "PlacedFinding":
-        """Return the finding with its position after an edit."""
+        """Return a copy of the finding at the position that it has after an edit."""
         if edit.end <= self.start:
             return self._replace(start=self.start + edit.growth, end=self.end + edit.growth)
         if edit.start > self.end:
@@ -123,18 +123,18 @@ class OpenText:
         return FORMS.get(self.path.suffix.lower(), Form.XML)
 
     def is_foreign(self) -> bool:
-        """Return whether the file has not been a tree file at any time since it was opened."""
+        """Return whether the file is not a tree file, and has not been one since it was opened."""
         is_other = is_other_file_type(self.text, self.form)
         self._was_tree = self._was_tree or bool(self.text.strip() and not is_other)
         return is_other and not self._was_tree
 
     @property
     def current_tree(self) -> ProjectTree | None:
-        """The tree parsed from the current text; None while the text cannot be parsed or is not checked yet."""
+        """The tree parsed from the current text. None if the text is invalid or has not been checked yet."""
         return self.tree if self.tree is not None and self.tree.source.text == self.text else None
 
     def change(self, text: str, version: int | None) -> None:
-        """Store a new text, and move the findings to their positions in it."""
+        """Store a new text, and move each finding to the corresponding position in this text."""
         edit = edit_between(self.text, text)
         self.text, self.version, self.is_checked = text, version, False
         self.shown = [each.after_edit(edit) for each in self.shown]
@@ -143,7 +143,7 @@ class OpenText:
         self._edited = self._edited_region(edit)
 
     def _edited_region(self, edit: Edit) -> tuple[int, int]:
-        """Return the start and end of the region of continued typing, which consists of adjacent edits."""
+        """Return the region edited last: *edit*, joined with the previous region if the two are adjacent."""
         start, end = edit.start, edit.start + edit.length
         if self._edited is None or edit.end < self._edited[0] or edit.start > self._edited[1]:
             return start, end
@@ -191,7 +191,7 @@ class OpenText:
         self.shown = sorted([*others, *self._raised], key=lambda each: each.start)
 
     def _is_half_typed(self, tree: ProjectTree | None, found: Iterable[PlacedFinding]) -> bool:
-        """Return whether errors are probably caused by text that the user has not completed yet."""
+        """Return whether the errors are probably caused by text that the user is still typing."""
         if tree is not None and tree.is_malformed:
             return True
         if self._edited is None:

@@ -51,24 +51,24 @@ _KINDS = {
     "tree": lsp.CompletionItemKind.Module,
 }
 COMMANDS = {"verify": "sar.verify", "simulate": "sar.simulate"}
-"""The names of the editor's commands, by the subcommand of `sar-compile` that they run; code lenses offer them."""
+"""The editor's command for each `sar-compile` subcommand that a code lens can run."""
 _REFACTORINGS = {"extract": lsp.CodeActionKind.RefactorExtract, "inline": lsp.CodeActionKind.RefactorInline}
 _IDLE_SEC = 0.5
-"""The pause in typing, in seconds, after which runs are explored."""
+"""If the user types nothing for this number of seconds, the server starts to explore runs."""
 
 
 _OfThread = TypeVar("_OfThread")
 
 
 class _IdleBudget(SearchBudget):
-    """The budget for exploring runs while typing pauses."""
+    """The budget for exploring runs while the user is not typing."""
 
     def __init__(self, interrupted: threading.Event) -> None:
         super().__init__(WORK)
         self._interrupted = interrupted
 
     def charge(self, work: int) -> bool:
-        """Charge `work` to the budget; return False if it is exhausted or the text has changed."""
+        """Charge `work` to the budget. Return False if the budget is exhausted or the text has changed."""
         return not self._interrupted.is_set() and super().charge(work)
 
 
@@ -116,13 +116,13 @@ class TreeServer(LanguageServer):
         return Workspace(self._additions, self._read, note, [check_mission])
 
     def open_folders(self, uris: Iterable[str]) -> None:
-        """Check the files in the editor's open folders as one set."""
+        """Set the editor's open folders, whose files belong to one set, and check all open files again."""
         folders = [path for uri in uris if (path := to_fs_path(uri)) is not None]
         self._additions = self._additions._replace(folders=tuple(map(Path, folders)))
         self.renew()
 
     def _report_problem(self, problem: str) -> None:
-        """Show the reason why a file cannot be checked, if it was not shown yet; called in the thread of the checks."""
+        """Log why a file cannot be checked, and show the reason once. Called in the thread of the checks."""
         self._log(lsp.MessageType.Error, problem)
         if problem not in self._problems:
             self._problems.add(problem)
@@ -130,11 +130,11 @@ class TreeServer(LanguageServer):
             self._loop.call_soon_threadsafe(self.window_show_message, message)
 
     def _log(self, kind: lsp.MessageType, text: str) -> None:
-        """Log a message in the editor; called in the thread of the checks."""
+        """Log a message in the editor. Called in the thread of the checks."""
         self._loop.call_soon_threadsafe(self.window_log_message, lsp.LogMessageParams(kind, text))
 
     def _read(self, path: Path) -> TreeFile:
-        """Read the editor's version of a file, or the file from the disk if it is not open; cache unchanged files."""
+        """Parse a file as shown in the editor, or from the disk if it is not open. Unchanged files are cached."""
         text = self._texts.get(real_path(path))
         content = read_file(path, TREE) if text is None else None
         version = text if content is None else content.identity
@@ -167,7 +167,7 @@ class TreeServer(LanguageServer):
         self.renew()
 
     def on_closed(self, uri: str) -> None:
-        """Discard a closed file's text, and the findings about it unless an open file includes it."""
+        """Discard the text of a closed file. Also discard its findings, unless an open file includes the file."""
         self._open.pop(uri, None)
         self._wanted.pop(uri, None)
         self._publish(uri, *self._published.pop(uri, ()))
@@ -180,7 +180,7 @@ class TreeServer(LanguageServer):
             self._request_check(uri)
 
     def open_text(self, uri: str) -> OpenText | None:
-        """Return the open file with a URI; None if it is not open."""
+        """Return the open file with the given URI, or None if there is no such file."""
         return self._open.get(uri)
 
     # Checks
@@ -207,7 +207,7 @@ class TreeServer(LanguageServer):
                 checked.clear()
 
     async def _is_idle(self) -> bool:
-        """Wait, and return whether the user has not typed meanwhile."""
+        """Wait for a moment. Return True if the user has not typed during this time."""
         self._awoken.clear()
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(self._awoken.wait(), _IDLE_SEC)
@@ -234,7 +234,7 @@ class TreeServer(LanguageServer):
             self._checked = asyncio.Event()
 
     def _recheck(self, uri: str, because: str) -> None:
-        """Request the check of a file that depends on another file, once for each version of the other file."""
+        """Request a check of the file *uri*, which depends on *because*, once for each version of *because*."""
         stamp = (because, self._open[because].version)
         if self._open[uri].seen.get(because) != stamp[1]:
             self._open[uri].seen[because] = stamp[1]
@@ -257,7 +257,7 @@ class TreeServer(LanguageServer):
         return tree, findings
 
     async def _run_in_budget(self, path: Path, function: Callable[[], _OfThread]) -> _OfThread | None:
-        """Call a function about a file within a budget; if the budget is exhausted, report it and return None."""
+        """Call a function that checks a file. If the budget is exhausted first, report this and return None."""
         budget = self._new_budget()
 
         def run_checks() -> _OfThread | None:
@@ -272,7 +272,7 @@ class TreeServer(LanguageServer):
         return await self._loop.run_in_executor(self._thread, run_checks)
 
     async def _try_runs(self, uri: str) -> None:
-        """Explore the runs of a file while typing pauses, and send the findings about errors in ticks."""
+        """While the user is not typing, explore the runs of a file, and send the tick errors as findings."""
         file = self._open.get(uri)
         tree = file.current_tree if file is not None else None
         if file is None or tree is None:
@@ -351,13 +351,13 @@ class TreeServer(LanguageServer):
     # Requests
 
     async def wait_for_check(self, uri: str) -> OpenText | None:
-        """Wait until the current text of an open file has been checked, and return the file; None if it is not open."""
+        """Wait until the text of an open file has been checked. Return the file, or None if it is not open."""
         while (file := self._open.get(uri)) is not None and not file.is_checked:
             await self._checked.wait()
         return self._open.get(uri)
 
     async def name_at(self, uri: str, position: lsp.Position) -> NamedThing | None:
-        """Return the tree, node or key whose name is at a position; None if there is no name."""
+        """Return the tree, node or key whose name is at a position, or None if there is no name."""
         file = await self.wait_for_check(uri)
         tree = file.current_tree if file is not None else None
         if file is None or tree is None:
@@ -372,7 +372,7 @@ class TreeServer(LanguageServer):
         return lsp.Location(self._as_opened(uri), self.range_of(spot.source, *spot.source.offsets(spot.span)))
 
     def _as_opened(self, uri: str) -> str:
-        """Return the URI with which the editor has opened a file, which may be that of a link."""
+        """Return the URI under which the editor opened a file. It may be the URI of a link to the file."""
         path = to_fs_path(uri)
         return next((name for name, each in self._open.items() if str(real_path(each.path)) == path), uri)
 
@@ -391,7 +391,7 @@ class TreeServer(LanguageServer):
         ]
 
     def _vocabulary(self, file: OpenText) -> Registry:
-        """Return the known tags of a file's project; empty if the project cannot be loaded, which is a finding."""
+        """Return the known tags of a file's project; empty if the project cannot be loaded."""
         try:
             if file.tree is not None:
                 return file.tree.context.registry
@@ -438,7 +438,7 @@ class TreeServer(LanguageServer):
         return [*found, *self._refactorings(uri, tree, first)]
 
     def _refactorings(self, uri: str, tree: ProjectTree, offset: int) -> Iterator[lsp.CodeAction]:
-        """Yield the operations on the element at an offset; the editor requests the edits of the chosen operation."""
+        """Yield the refactorings available at an offset. The editor requests the edits only of the chosen one."""
         elements = [*tree.forest.main.root.iterate()]
         number = (
             bisect.bisect_right(elements, tree.source.position_of(offset), key=lambda each: each.position) - 1
@@ -451,7 +451,7 @@ class TreeServer(LanguageServer):
     def operation_edit(
         self, tree: ProjectTree, uri: str, operation: str, arguments: Mapping[str, Any]
     ) -> lsp.WorkspaceEdit:
-        """Return the edit of an operation on a file.
+        """Return the workspace edit that applies an operation to a file.
 
         Raises:
             EditError: If the operation is impossible.
@@ -479,7 +479,7 @@ class TreeServer(LanguageServer):
         return lsp.DocumentSymbol(name, kind, lsp.Range(place.start, end), place, element.tag, children=inner)
 
     def lenses(self, uri: str, tree: ProjectTree) -> list[lsp.CodeLens]:
-        """Return the code lenses, which are above each tree that may be executed."""
+        """Return the code lenses, which the editor shows above each executable tree."""
         own = [each for each in tree.forest.executable if each.source is tree.source]
         found = []
         for element in own:
@@ -530,7 +530,7 @@ def _uri_of(finding: Diagnostic) -> str:
 
 
 def _depends_on(file: OpenText, path: Path) -> bool:
-    """Return whether the findings about an open file depend on another file."""
+    """Return whether the findings about the open *file* depend on the file at *path*."""
     tree = file.tree
     if tree is None:
         return False

@@ -28,7 +28,7 @@ _instances = itertools.count()
 
 
 class MissingEntryError(SarError, KeyError):
-    """A key without a value was read.
+    """An error: a key was read before a value was written to it.
 
     Attributes:
         key: The key, as written in the tree file.
@@ -72,7 +72,7 @@ class Board:
 
     @functools.cached_property
     def prefix(self) -> str:
-        """The prefix of the entries' absolute names."""
+        """The prefix of the absolute names of all entries."""
         number = next(_instances)
         return f"/{self._name}~{number}" if number else f"/{self._name}"
 
@@ -104,7 +104,7 @@ class Board:
         return name in self.kinds
 
     def kind_of(self, name: str) -> type | None:
-        """Return the declared type of an entry; None if no type was declared."""
+        """Return the declared type of an entry, or None if no type was declared."""
         return self.kinds.get(name)
 
     def remove(self, name: str) -> None:
@@ -114,7 +114,7 @@ class Board:
         self.kinds.pop(name, None)
 
     def stamp(self, name: str) -> int:
-        """Return the number of writes of an entry; 0 if it does not exist."""
+        """Return how often an entry has been written, or 0 if the entry does not exist."""
         return self.stamps.get(name, 0)
 
     def names(self) -> Iterator[str]:
@@ -122,20 +122,20 @@ class Board:
         yield from list(self.stamps)
 
     def values(self) -> dict[str, object]:
-        """Return the values of all entries by their names below the prefix, in the order of creation."""
+        """Return the values of all entries by name, without the prefix, in the order of creation."""
         begin = len(self.prefix) + 1
         return {name[begin:]: self.get(name) for name in self.names()}
 
     def watch_entry(self, name: str) -> None:
-        """Count the writes of an entry from now on, for a node whose behaviour depends on this number."""
+        """Start to count the writes to an entry, because the behaviour of a node depends on this number."""
         self._watched.add(name)
 
     def memo(self, entries: "Sequence[Entry]") -> "Memo | None":  # noqa: ARG002 - used by numbered boards
-        """Return a cache for the results of code that uses the entries; None if the board stores values."""
+        """Return a cache for the results of code that uses the given entries, or None if there is no cache."""
         return None
 
     def restamp(self, name: str, stamp: int) -> None:
-        """Set the number of writes of an entry, if the entry exists."""
+        """Set the number of writes to an entry. Do nothing if the entry does not exist."""
         if self.stamps.get(name, stamp) != stamp:
             self.stamps[name] = stamp
 
@@ -162,17 +162,17 @@ class Entry(NamedTuple):
 
     @property
     def is_declared(self) -> bool:
-        """Whether a port, a write or the mission has declared the entry."""
+        """Whether a port, a writing node or the mission has declared the entry."""
         return self.board.is_declared(self.name)
 
     @property
     def kind(self) -> type | None:
-        """The declared type (`bool`, `int`, `float` or `str`), to which strings are converted; None if undeclared."""
+        """The declared type (`bool`, `int`, `float` or `str`). Strings are converted to it. None if undeclared."""
         return self.board.kind_of(self.name)
 
     @property
     def stamp(self) -> int:
-        """The number of writes of the entry."""
+        """The number of times that the entry has been written."""
         return self.board.stamp(self.name)
 
     def read(self) -> object:
@@ -210,7 +210,7 @@ class Entry(NamedTuple):
 
 @mission_context(preview=lambda: Scope(Board("preview")))
 class Scope:
-    """The scope in which the keys of the main tree, or of one instance of a subtree, are resolved.
+    """The scope of the main tree or of one instance of a subtree. It maps each key to an entry.
 
     Args:
         board: The board with the entries.
@@ -244,7 +244,7 @@ class Scope:
         return self if self._parent is None else self._parent.root
 
     def resolve(self, key: str) -> Entry:
-        """Return the entry of a key in this scope."""
+        """Return the entry to which a key refers in this scope."""
         scope, name = self.owner(key)
         folder = scope._folder
         # A slash in a key must not lead to the entries of a subtree.
@@ -256,7 +256,7 @@ class Scope:
         return f"{self.board.prefix}/{self.path}" if self.path else self.board.prefix
 
     def entries(self) -> Iterator[tuple[str, Entry]]:
-        """Yield each key of this scope with its entry: keys of existing entries, and remapped keys."""
+        """Yield the keys of existing entries and all remapped keys of this scope, each with its entry."""
         for name in self.board.names():
             folder, _, key = name.rpartition("/")
             if folder == self._folder:
@@ -265,7 +265,7 @@ class Scope:
             yield key, self.resolve(key)
 
     def owner(self, key: str) -> "tuple[Scope, str]":
-        """Return the scope that owns the entry of a key, and the entry's key in that scope."""
+        """Return the scope that owns the entry to which a key refers, and the key of the entry in that scope."""
         scope = self
         while scope._parent is not None and not key.startswith(ROOT_SIGN) and key not in scope._own:
             if key in scope._remapping:
@@ -277,7 +277,7 @@ class Scope:
 
 
 def entry_of(variable: str) -> str:
-    """Return the key in a variable name of py_trees such as `key.attribute`."""
+    """Return the key part of a py_trees variable name, such as `key` for `key.attribute`."""
     return variable.partition(".")[0]
 
 

@@ -54,7 +54,7 @@ class Breakpoints:
         self.wake()
 
     def resume(self) -> None:
-        """Continue the waiting tick; the breakpoint remains for the next tick."""
+        """Continue the waiting tick. The breakpoint stays set for the next tick."""
         self._is_continued = True
         self.wake()
 
@@ -63,12 +63,12 @@ class Breakpoints:
         self._alive_at = time.monotonic()
 
     def release_if_abandoned(self) -> None:
-        """Continue a waiting tick if no user is watching the tree any more; called regularly."""
+        """Continue a waiting tick if no user is watching the tree any more. Called regularly."""
         if self.held_at is not None and self._is_abandoned():
             self.wake()
 
     def wait_at(self, behaviour: Behaviour) -> Generator[None, None, None]:
-        """Yield repeatedly while a tick has to wait at a node."""
+        """Yield repeatedly while a breakpoint at a node makes the tick wait."""
         if behaviour not in self or self._is_abandoned():
             return
         self.held_at, self._is_continued = behaviour, False

@@ -7,10 +7,10 @@ from sar_compiler.runtime.context import mission_context
 
 
 class WallClock:
-    """The machine's steady clock."""
+    """The computer's monotonic clock."""
 
     def now(self) -> float:
-        """Return the time in seconds; only differences are meaningful."""
+        """Return the time in seconds since an arbitrary moment."""
         return time.monotonic()
 
 
@@ -38,7 +38,7 @@ class Clock(Protocol):
     """The interface of a clock that measures the durations in a tree."""
 
     def now(self) -> float:
-        """Return the time in seconds; only differences are meaningful."""
+        """Return the time in seconds since an arbitrary moment."""
         ...
 
 

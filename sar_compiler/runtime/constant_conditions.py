@@ -30,14 +30,14 @@ from sar_compiler.runtime.expressions import (
 from sar_compiler.runtime.variables import PlainVariables, RefusedValueError, ScriptValue, number_of
 
 _MOST_COMBINATIONS = 4096
-"""The maximum number of combinations of values; conditions with more combinations are not analysed."""
+"""A condition is not analysed if its variables have more combinations of sampled values than this."""
 _LOGICAL = frozenset({"&&", "||"})
 _OF_EQUALS = {"==": 1, "<=": 1, ">=": 1, "!=": 0, "<": 0, ">": 0}
-"""The results of comparing a value with itself."""
+"""The result of each comparison operator when a value is compared with itself."""
 
 
 def constant_truth(script: Script) -> bool | None:
-    """Return the truth of a condition if it is the same for all values of its variables.
+    """Return whether a condition is always true or always false; None if this depends on its variables.
 
     Args:
         script: The condition.
@@ -52,7 +52,7 @@ def constant_truth(script: Script) -> bool | None:
 
 
 def constant_clauses(script: Script) -> Iterator[tuple[Expression, bool]]:
-    """Yield the largest parts of a condition that are constant although they contain variables, with their truth.
+    """Yield each largest part of a condition that contains variables but is always true or always false.
 
     Args:
         script: The condition. Its parts are the operands of `&&`, `||` and `!`.
@@ -77,7 +77,7 @@ def _sampled_truth(script: Script) -> bool | None:
 
 
 def _is_decided_by_a_value(script: Script) -> bool:
-    """Return whether a script compares one variable with one literal, as most conditions do."""
+    """Return whether a script, like most conditions, only compares one variable with one literal."""
     chain = script.statements[0]
     if script.plain_form is not ComparisonChain or not isinstance(chain, ComparisonChain):
         return False
