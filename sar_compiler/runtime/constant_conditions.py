@@ -85,7 +85,7 @@ def _is_decided_by_a_value(script: Script) -> bool:
 
 
 class _SampledCondition:
-    """A condition that is rewritten so that a few values of each variable represent all values.
+    """A rewritten condition that can be decided by testing only a few values of each variable.
 
     Args:
         script: The condition, without assignments.
@@ -98,7 +98,7 @@ class _SampledCondition:
         self._script = replace(script, statements=(self._rewrite(script.statements[-1]),))
 
     def constant_truth(self) -> bool | None:
-        """Return the condition's truth if it is the same for all values that cause no error; otherwise None."""
+        """Return the condition's truth, or None if it is not the same for all tested values without an error."""
         choices = [{0, 1, *_representatives(literals)} for literals in self._literals.values()]
         if math.prod(map(len, choices)) > _MOST_COMBINATIONS:
             return None
@@ -153,14 +153,14 @@ class _SampledCondition:
         return self._unknown(_comparison(left, operator, right))
 
     def _unknown(self, node: Expression) -> Name:
-        """Return the variable that replaces an unanalysed part of a condition; equal parts get the same variable."""
+        """Return a variable to replace a part that is not analysed. Equal parts get the same variable."""
         name = self._unjudged.setdefault(node, Name(f"?{len(self._unjudged)}", **_source_range(node)))
         self._literals.setdefault(name.name, set())
         return name
 
 
 def _representatives(literals: Iterable[ScriptValue]) -> Iterator[ScriptValue]:
-    """Yield the literals and a value of each interval between them, for numbers and strings."""
+    """Yield all literals, and one value from each interval between neighbouring literals."""
     numbers, texts = set(), {""}
     for literal in literals:
         if not isinstance(literal, str):

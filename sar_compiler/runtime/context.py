@@ -1,4 +1,4 @@
-"""The mission context: objects that a mission passes to the constructors of leaves, selected by type."""
+"""The mission context: objects that a mission passes to constructors of leaves, according to parameter types."""
 
 from collections.abc import Callable
 from typing import TypeVar, overload
@@ -11,7 +11,7 @@ _MARK = "__mission_context__"
 
 
 class PreviewError(SarError):
-    """The placeholder for an object of the mission context cannot be created."""
+    """An error: the placeholder for an object of the mission context cannot be created."""
 
 
 @overload
@@ -21,7 +21,7 @@ def mission_context(*, preview: Callable[[], object] | None = None) -> Callable[
 def mission_context(
     cls: type[T] | None = None, /, *, preview: Callable[[], object] | None = None
 ) -> type[T] | Callable[[type[T]], type[T]]:
-    """Mark a class as part of the mission context: `@mission_context`, or `@mission_context(preview=make)`.
+    """Mark a class whose objects the mission provides: `@mission_context` or `@mission_context(preview=make)`.
 
     A constructor parameter of a leaf that is annotated with such a class is not an attribute of the leaf's tag. The
     mission that compiles the tree provides the object.
@@ -42,7 +42,7 @@ def mission_context(
 
 
 def is_mission_context(cls: type) -> bool:
-    """Return whether objects of a class come from the mission instead of an attribute in the tree file."""
+    """Return whether the mission, and not an attribute in the tree file, provides objects of a class."""
     return hasattr(cls, _MARK)
 
 

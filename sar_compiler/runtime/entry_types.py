@@ -20,7 +20,7 @@ _BOOLS = ("True", "TRUE", "False", "FALSE")
 
 
 def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> object:
-    """Return the value to store when an entry's value is replaced.
+    """Convert a new value to the type of the current value of an entry.
 
     Args:
         current: The current value of the entry; None if it has no value.
@@ -39,7 +39,7 @@ def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> o
         return value
     plain = value_of(value)
     if plain is None or (kind not in _PLAIN and not isinstance(current, enum.Enum)):
-        message = f"the entry has the type {kind.__name__}, but the new value has {type(value).__name__}"
+        message = f"the entry has the type {kind.__name__}, but the new value is of type {type(value).__name__}"
         raise RefusedValueError(message)
     if issubclass(kind, enum.Enum):
         return _member(kind, plain, enums)
@@ -65,7 +65,7 @@ def read_as(text: str, kind: type) -> ScriptValue:
 
 
 def value_to_assign(old: object, kind: type | None, value: ScriptValue, enums: Mapping[str, int]) -> object:
-    """Return the value to store when a script assigns to an entry.
+    """Convert a value that a script assigns to an entry to the type of the entry.
 
     Args:
         old: The current value of the entry; None if it has no value.
@@ -88,7 +88,7 @@ def value_to_assign(old: object, kind: type | None, value: ScriptValue, enums: M
 
 
 def value_to_write(old: object, value: object) -> object:
-    """Return the value to store when a port writes to an entry; numbers are converted if nothing is lost."""
+    """Return the value to store when a port writes to an entry. Numbers are converted if no precision is lost."""
     numbers = type(old) in _NUMBERS and type(value) in _NUMBERS
     if numbers and type(old) is not type(value) and old is not None:
         with suppress(RefusedValueError):
@@ -97,7 +97,7 @@ def value_to_write(old: object, value: object) -> object:
 
 
 def value_of(value: object) -> ScriptValue | None:
-    """Return the value that a script reads from an entry; None if scripts cannot calculate with it.
+    """Convert the value of an entry for use in scripts. Return None if scripts cannot use the value.
 
     A bool is read as 1 or 0, and a member of an enumeration as its number.
 

@@ -1,4 +1,4 @@
-"""Evaluate scripts: each script is compiled once to functions, which are called in each tick."""
+"""Evaluate scripts. Each script is compiled once to functions, which are called in each tick."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
@@ -35,7 +35,7 @@ _NO_ENUMS: Mapping[str, int] = {}
 
 
 class EvaluationError(SarError):
-    """A script cannot be evaluated with the current values of its variables.
+    """An error: a script cannot be evaluated with the current values of its variables.
 
     Attributes:
         message: The description of the error.
@@ -53,7 +53,7 @@ class EvaluationError(SarError):
 
 
 class Program:
-    """A script that can be run repeatedly.
+    """A compiled script, which can be run any number of times.
 
     Args:
         script: The script.
@@ -92,7 +92,7 @@ class Program:
         return self.as_condition(self.run(variables))
 
     def as_condition(self, value: ScriptValue) -> bool:
-        """Convert the script's value to the result of a condition.
+        """Convert the script's value to True or False.
 
         Raises:
             EvaluationError: If the value is neither true nor false.
@@ -231,7 +231,7 @@ def chain_error(
     left: ScriptValue,
     right: ScriptValue,
 ) -> EvaluationError:
-    """Return the error of an operator in a chain; its location ends at the operator's right operand."""
+    """Return the error for an operator in a chain. The error location ends at the right operand."""
     following = next((later.start for later in node.steps if later.start > step.start), None)
     end = node.end if following is None else len(text[:following].rstrip())
     one_text = isinstance(left, str) != isinstance(right, str)
@@ -252,7 +252,7 @@ def _assignment_failure(node: Assignment, error: VariableError) -> EvaluationErr
 
 
 def failure(text: str, node: Expression, error: VariableError) -> EvaluationError:
-    """Return the error for an expression that cannot be calculated."""
+    """Return the error for an expression whose evaluation has failed."""
     message = f"'{excerpt(text[node.start : node.end])}' cannot be calculated: {error}"
     return EvaluationError(message, node.start, node.end)
 

@@ -1,4 +1,4 @@
-"""The events of a tree, described by the outcomes of leaves. Runs, proofs and journals use the same events.
+"""The events of a tree, such as a leaf that returns an outcome. Runs, proofs and journals share these events.
 
 An event contains the action of a leaf and its outcome, so that the consumers of events need not derive outcomes from
 statuses. The last event of a tick is the end of the tick.
@@ -13,16 +13,16 @@ STARTED, RETURNED, HALTED, TICKED = "started", "returned", "halted", "ticked"
 """The kinds of events: a leaf starts, returns an outcome, or is halted while it runs, or a tick of the tree ends."""
 
 DECIDED = "decided"
-"""The kind of event for a node with children that has ended by itself, for example at a time limit or because of a condition. It only
-occurs in recorded runs."""
+"""The kind of event for a control or decorator that ended itself, for example at a time limit. It only occurs in recorded
+runs."""
 
 RESET = "reset"
-"""The kind of event for a reset of a leaf that had ended. It only occurs in recorded runs, because these omit outcomes that are equal to
+"""The kind of event for the reset of a leaf that had ended. It only occurs in recorded runs, which omit an outcome if it equals
 the outcome in the previous tick."""
 
 
 FactChanges = tuple[tuple[str, object], ...]
-"""The changed facts, as pairs of a name and the new value."""
+"""The changed facts. Each item is the name of a fact and its new value."""
 
 
 class Event(NamedTuple):
@@ -61,7 +61,7 @@ class Event(NamedTuple):
 
     @property
     def outcome(self) -> str:
-        """The label of a returned outcome, or its status if it has no label; empty for other kinds of events."""
+        """The label of the returned outcome, or the status if there is no label. Empty for other kinds of events."""
         return (self.label or self.status) if self.what == RETURNED else ""
 
     @property
@@ -71,16 +71,16 @@ class Event(NamedTuple):
 
 
 def changes_in(before: Mapping[str, object], after: Mapping[str, object]) -> FactChanges:
-    """Return the changed facts, sorted by name."""
+    """Return the names and new values of all changed facts, sorted by name."""
     return tuple((name, after[name]) for name in sorted(after) if before.get(name) != after[name])
 
 
 ValueChange = tuple[object, object]
-"""The value before and the value after a change; None for a missing value."""
+"""The values before and after a change. None stands for a missing value."""
 
 
 def value_changes(before: Mapping[str, object], after: Mapping[str, object]) -> dict[str, ValueChange]:
-    """Return the changes of values, by name."""
+    """Return the old and new value of each changed fact or key, by name."""
     names = {**before, **after}
     return {
         name: (before.get(name), after.get(name)) for name in names if before.get(name) != after.get(name)
@@ -88,7 +88,7 @@ def value_changes(before: Mapping[str, object], after: Mapping[str, object]) -> 
 
 
 class TickRecord(NamedTuple):
-    """The result of a tick.
+    """The record of one tick: events, changes and statuses.
 
     Attributes:
         events: The events of leaves, in order, and the end of the tick.
@@ -111,7 +111,7 @@ class TickRecord(NamedTuple):
 
     @property
     def time_sec(self) -> float:
-        """The time since the first tick, in seconds; 0 if any time may have passed."""
+        """The time since the first tick, in seconds; 0 if the time is not known."""
         return self.events[-1].time_sec or 0.0
 
     @property
@@ -123,7 +123,7 @@ class TickRecord(NamedTuple):
 def append_end(
     events: Iterable[Event], root: str, status: str, tick: int = 0, time_sec: float | None = None
 ) -> tuple[Event, ...]:
-    """Append the end of the tick to a tick's events; set the tick's number and time in each event.
+    """Append the end of a tick to its events, and set the number and time of the tick in all events.
 
     Args:
         events: The events of leaves.

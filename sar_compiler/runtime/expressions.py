@@ -58,7 +58,7 @@ class Prefix(ScriptPart):
 
 @dataclass(slots=True, eq=False, repr=False)
 class OperatorTerm(ScriptPart):
-    """An operator and the operand on its right; `start` and `end` are the location of the operator."""
+    """An operator and the operand on its right. `start` and `end` enclose only the operator."""
 
     operator: str
     operand: "Expression"
@@ -122,12 +122,12 @@ class Script:
 
     @functools.cached_property
     def by_start(self) -> Mapping[int, Expression]:
-        """The statements, by the offset of their start."""
+        """The statements of the script, by start offset."""
         return {each.start: each for each in self.statements}
 
     @functools.cached_property
     def plain_form(self) -> type[Assignment] | type[ComparisonChain] | None:
-        """The class of the statement, if the script is one assignment or comparison of names and literals; else None."""
+        """The class of the only statement if it assigns or compares just names and literals; otherwise None."""
         if len(self.statements) != 1:
             return None
         (statement,) = self.statements
@@ -184,7 +184,7 @@ def name_uses(script: Script) -> Iterator[NameUse]:
 
 
 def children(expression: Expression) -> tuple[Expression, ...]:
-    """Return the parts of an expression in the order of evaluation, without an assignment's target."""
+    """Return the operands of an expression in the order of evaluation. The target of an assignment is not included."""
     if isinstance(expression, Prefix):
         return (expression.operand,)
     if isinstance(expression, (Operation, ComparisonChain)):
@@ -221,7 +221,7 @@ def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
 
 
 def _always_evaluated(expression: Expression, parts: int) -> int:
-    """Return how many parts of an expression, counted from the first, are reached in every evaluation."""
+    """Return how many parts at the start of an expression are always evaluated."""
     if isinstance(expression, Conditional):
         return 1
     if isinstance(expression, ComparisonChain):

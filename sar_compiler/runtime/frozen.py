@@ -15,11 +15,11 @@ _NAN = "nan"
 
 
 class FrozenValueError(UndecidableError):
-    """A value can neither be copied nor hashed."""
+    """An error: a value can neither be copied nor hashed."""
 
 
 def freeze(value: object) -> Hashable:
-    """Return a hashable copy of a value; copies of equal values of the same type are equal.
+    """Return a hashable copy of a value. Equal values of the same type have equal copies.
 
     Lists, tuples, sets, dictionaries and deques are copied with their content. Other values are not copied. Such values must not be changed
     in place while states are compared.
@@ -53,7 +53,7 @@ def freeze(value: object) -> Hashable:
 
 
 def thaw(frozen: Any) -> Any:
-    """Return the original value of a frozen copy; a value that can be changed in place is returned as a new copy."""
+    """Convert a frozen copy back to a value. Lists and other collections are created as new objects."""
     kind, content, *others = frozen
     if kind is float:
         return math.nan if content == _NAN else content
@@ -67,6 +67,6 @@ def thaw(frozen: Any) -> Any:
 
 
 def can_change(value: object) -> bool:
-    """Return whether a value can be changed in place and is of a type that `freeze` copies."""
+    """Return whether `freeze` copies a value because the value can be changed in place."""
     kind = type(value)
     return kind is dict or (kind in _COLLECTIONS and kind is not frozenset)

@@ -25,7 +25,7 @@ _FOLDERS = {
     f"{_PACKAGE.name}.{name}": _PACKAGE.joinpath(*name.split("."))
     for name in ("runtime.kernel", "analysis.state_search")
 }
-"""The folders of the packages whose modules are compiled. The folder of `state_search` may not exist."""
+"""The packages whose modules are compiled, and the folder of each. The folder of `state_search` may not exist."""
 _RECORD = _FOLDERS[__name__] / "compiled.json"
 """The file in which `setup.py` stores the digests of the compiled modules' sources."""
 
@@ -64,7 +64,7 @@ STATE = _state()
 (no module is compiled)."""
 _WANTED = os.environ.get("SAR_KERNEL", "")
 IS_COMPILED = STATE == "compiled" and _WANTED != "python"
-"""Whether the compiled modules are in use."""
+"""Whether this process uses the compiled modules."""
 
 if _WANTED == "compiled" and not IS_COMPILED:
     message = f"SAR_KERNEL=compiled: the compiled kernel is {STATE}. Rebuild the package with a C compiler"
@@ -72,11 +72,11 @@ if _WANTED == "compiled" and not IS_COMPILED:
 
 
 class _Sources:
-    """An import finder that returns the Python sources. Without it, Python would prefer the compiled modules."""
+    """An import finder for the Python sources of the kernel. By default, Python would prefer the compiled modules."""
 
     @staticmethod
     def find_spec(name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:  # noqa: ARG004
-        """Return the spec of a module's source; None for modules of other packages."""
+        """Return the import spec of a source module of the kernel, or None for a module of another package."""
         package, _, module = name.rpartition(".")
         if package not in _FOLDERS:
             return None
@@ -89,7 +89,7 @@ if STATE != "absent" and not IS_COMPILED:
 
 
 def describe() -> str:
-    """Describe the kernel in use."""
+    """Return a description of the kernel that is in use."""
     descriptions: Mapping[str, str] = {
         "compiled": "Python, although there is a compiled kernel (SAR_KERNEL=python)",
         "stale": "Python, because the sources of the compiled kernel have changed (rebuild the package)",

@@ -19,7 +19,7 @@ _NONE: Final = 0
 
 
 class IfThenElseNode(ControlNode):
-    """Ticks its condition until it has ended, then one of the branches.
+    """Ticks the condition until it ends, and then ticks one of the branches.
 
     Attributes:
         chosen: The cell that stores the index of the branch, or 0 while the condition has not ended.
@@ -35,7 +35,7 @@ class IfThenElseNode(ControlNode):
         return self.tick_child(self.children[ticker.cells[self.chosen]], ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the condition or the branch."""
+        """Continue after the condition or the branch was ticked."""
         cells = ticker.cells
         if cells[self.chosen] == _NONE and outcome in (SUCCESS, FAILURE):
             cells[self.chosen] = 1 if outcome == SUCCESS else 2
@@ -48,7 +48,7 @@ class IfThenElseNode(ControlNode):
 
 
 class WhileDoElseNode(ControlNode):
-    """Ticks its condition in each tick, then one of the branches.
+    """In each tick, ticks the condition first, and then one of the branches.
 
     Attributes:
         branch: The cell that stores the index of the current branch, or 0 for the condition.
@@ -81,7 +81,7 @@ class WhileDoElseNode(ControlNode):
 
 
 class SwitchNode(ControlNode):
-    """Ticks the child whose case equals the variable, or the last child if no case equals the variable.
+    """Ticks the child whose case equals the value of a variable, or the last child if there is no such case.
 
     Attributes:
         cases: The ports with the cases.
@@ -99,7 +99,7 @@ class SwitchNode(ControlNode):
         self.running = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the selected child, and halt another child that was running."""
+        """Tick the selected child. If another child was running, halt that child first."""
         cells = ticker.cells
         selected = self.select()
         before = cells[self.running]
@@ -109,7 +109,7 @@ class SwitchNode(ControlNode):
         return self.tick_child(self.children[selected], ticker)
 
     def select(self) -> int:
-        """Return the index of the child to tick. A variable or case without a value is not equal to anything."""
+        """Return the index of the child to tick. A variable or case without a value never matches."""
         variable = self.variable.get(None)
         if variable is not None:
             for index, case in enumerate(self.cases):
@@ -154,14 +154,14 @@ class TryCatchNode(OneChildNode):
         return super().begin(ticker)
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the current child; -1 if all children before the last have ended without a failure."""
+        """Return the index of the current child, or -1 if no child has failed and only the last one remains."""
         if ticker.cells[self.catching]:
             return self.last
         index = super().next_child(ticker)
         return index if index < self.last else -1
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Continue with the last child after a failure, otherwise with the next child."""
+        """After a failure, continue with the last child. Otherwise continue with the next child."""
         cells = ticker.cells
         if outcome == RUNNING:
             return RUNNING
@@ -183,7 +183,7 @@ class TryCatchNode(OneChildNode):
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the running children, but not the last child if this child must be ticked once."""
+        """Return the running children. Leave out the last child if the halt must tick it once."""
         cells = ticker.cells
         self.catches = False
         try:
@@ -198,7 +198,7 @@ class TryCatchNode(OneChildNode):
         return running_children(self.children[: self.last] if self.catches else self.children, ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Tick the last child once, if `catch_on_halt` is set and the last child was not the current child."""
+        """If `catch_on_halt` is set and the last child was not the current child, tick the last child once."""
         if self.catches:
             try:
                 ticker.run_unseen(self.children[self.last])
@@ -208,6 +208,6 @@ class TryCatchNode(OneChildNode):
         super().stop_last(ticker)
 
     def reset_child(self, ticker: Ticker) -> None:
-        """Reset the node's cells and py_trees' current child."""
+        """Reset the node's cells, and clear the `current_child` of the py_trees behaviour."""
         self.reset_cells(ticker)
         self.behaviour.current_child = None

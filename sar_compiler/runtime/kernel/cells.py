@@ -10,19 +10,18 @@ RUNNING: Final = 1
 SUCCESS: Final = 2
 FAILURE: Final = 3
 SKIPPED: Final = 4
-"""The outcome of a skipped tick, which is never a status."""
+"""The outcome of a node that was skipped. It is an outcome, but not a status."""
 CALLED: Final = 5
-"""A marker that is returned instead of an outcome. It means that another node has to be ticked first."""
+"""A marker that a node returns instead of an outcome if another node has to be ticked first."""
 
 WORDS: Final[tuple[str, ...]] = ("", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
-"""The names of the outcomes, by number; empty for INVALID."""
+"""The names of the outcomes, by number. The name of INVALID is empty."""
 
 ENDED: Final = 2
-"""The bit that SUCCESS and FAILURE have in common: `outcome & ENDED` is nonzero only for these outcomes."""
+"""The bit that only SUCCESS and FAILURE have: `outcome & ENDED` is zero for all other outcomes."""
 
 STATUSES: Final[tuple[Any, ...]] = (Status.INVALID, Status.RUNNING, Status.SUCCESS, Status.FAILURE)
-"""py_trees' statuses, by number. The tuple is typed with variable length, because mypyc would box a tuple of fixed length at every
-access."""
+"""py_trees' statuses, by number. The type has a variable length, because mypyc would box a tuple of fixed length at every access."""
 
 # Stored in variables, because access to a member of an enumeration is slow.
 _RUNNING: Final[Any] = Status.RUNNING

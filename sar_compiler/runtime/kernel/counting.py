@@ -1,4 +1,4 @@
-"""Parallel controls of BehaviorTree.CPP, which tick all children until enough of them have ended."""
+"""The parallel controls of BehaviorTree.CPP. They tick all children until enough children have ended."""
 
 from typing import Final
 
@@ -11,11 +11,11 @@ _BITS: Final = 30
 
 
 class ThresholdError(NodeError):
-    """A parallel node is configured to wait for more children than it has."""
+    """An error: a parallel node is configured to wait for more children than it has."""
 
 
 class CountingNode(ControlNode):
-    """Ticks all children. A child that has ended is not ticked again until the node has ended.
+    """Ticks all children. A child that has ended is not ticked again before the next start of the node.
 
     Attributes:
         through: The first of the cells that have a bit for each child that has ended.
@@ -61,7 +61,7 @@ class CountingNode(ControlNode):
         return self.end_tick(ticker, decision)
 
     def count_child(self, ticker: Ticker, outcome: int) -> int:
-        """Count the current child's outcome; return the node's outcome if it is decided, otherwise INVALID."""
+        """Count the current child's outcome. Return the node's outcome, or INVALID if it is still undecided."""
         cells, index = ticker.cells, ticker.cells[self.current]
         if outcome & ENDED:
             place = self.through + int(index // _BITS)
@@ -73,7 +73,7 @@ class CountingNode(ControlNode):
         return self.decide_early(ticker)
 
     def threshold(self, port: str, wanted: int) -> int:
-        """Convert an attribute's value to a number of children; a negative value counts from the end.
+        """Convert an attribute's value to a number of children. The value -1 stands for all children.
 
         Raises:
             ThresholdError: If the value exceeds the number of children.
@@ -88,7 +88,7 @@ class CountingNode(ControlNode):
         return wanted if wanted >= 0 else max(count + wanted + 1, 0)
 
     def decide_early(self, ticker: Ticker) -> int:  # noqa: ARG002 - for subclasses
-        """Return the node's outcome if the children ticked so far decide it, otherwise INVALID."""
+        """Return the node's outcome, or INVALID if the children ticked so far do not determine it."""
         return INVALID
 
     def decide_at_the_end(self, ticker: Ticker) -> int:
@@ -96,7 +96,7 @@ class CountingNode(ControlNode):
         raise NotImplementedError
 
     def end_tick(self, ticker: Ticker, outcome: int) -> int:
-        """End the tick with an outcome; SUCCESS and FAILURE also end the node."""
+        """End the tick with an outcome. SUCCESS and FAILURE also end the node."""
         cells = ticker.cells
         if not outcome & ENDED:
             self.break_off(ticker)
@@ -130,7 +130,7 @@ class ParallelNode(CountingNode):
         return super().begin(ticker)
 
     def decide_early(self, ticker: Ticker) -> int:
-        """Return the node's outcome if enough children have succeeded or failed, otherwise INVALID."""
+        """Return the node's outcome, or INVALID if not enough children have succeeded or failed yet."""
         cells = ticker.cells
         successes, failures = cells[self.successes], cells[self.failures]
         if cells[self.counts_skips]:

@@ -1,4 +1,4 @@
-"""Numbers that represent the contents of blackboard entries, so that millions of states can be compared.
+"""Represent the contents of blackboard entries by numbers, so that millions of states can be compared.
 
 An entry has only a few different contents in all runs of a tree. Each content gets a number when it first occurs. So the
 state of all entries is a list of numbers, and the effects of a script are cached by these numbers.
@@ -11,11 +11,11 @@ from librt.vecs import append, vec
 from mypy_extensions import i32, i64
 
 NOTHING: Final = 0
-"""The number that represents an entry that does not exist."""
+"""The number of the content of a blackboard entry that does not exist."""
 
 
 class EntryCells:
-    """The contents of all entries.
+    """The contents of all blackboard entries.
 
     Attributes:
         now: The number of each entry's current content, by the entry's index.
@@ -37,7 +37,7 @@ class EntryCells:
         self._numbers: list[dict[Any, int]] = []
 
     def place_of(self, name: str) -> int:
-        """Return the index of an entry; a new name gets the next index."""
+        """Return the index of the entry with a name. A new name gets the next free index."""
         place = self._places.get(name, -1)
         if place < 0:
             place = self._places[name] = len(self.names)
@@ -50,7 +50,7 @@ class EntryCells:
         return place
 
     def content(self, place: int) -> Any:
-        """Return the content of an entry; None if the entry does not exist."""
+        """Return the content of an entry, or None if the entry does not exist."""
         return self._contents[place][self.now[place]]
 
     def set_content(self, place: int, content: Any) -> None:
@@ -65,7 +65,7 @@ class EntryCells:
         self.now[place] = number
 
     def restore(self, now: vec[i32]) -> None:
-        """Restore an earlier state of all entries; entries that were unknown at that time are removed."""
+        """Restore an earlier state of all entries. An entry created after that state is removed."""
         self.lent.clear()
         entries = now[:]
         while len(entries) < len(self._nothing):
@@ -78,7 +78,7 @@ class EntryCells:
         self.now = self._nothing[:]
 
     def update_contents(self) -> None:
-        """Update the contents of entries whose values were read and may have been changed in place."""
+        """Update the content of each entry whose value was read, because other code may have changed this value."""
         if self.lent:
             freeze = self.freeze
             assert freeze is not None  # noqa: S101 - set together with `lent`
@@ -89,13 +89,13 @@ class EntryCells:
 
 _UNKNOWN: Final[Any] = object()
 _FEW: Final = 1 << 10
-"""If the code uses a single entry, results for content numbers below this limit are stored in a list."""
+"""For code that uses only one entry, the results for content numbers below this limit are stored in a list."""
 _BITS: Final = 15
-"""The number of bits for a content's number in a key. Four such numbers fit into a machine word."""
+"""The number of bits that each content number has in a cache key. Four such numbers fit into a machine word."""
 
 
 class Memo:
-    """A cache of the results and effects of code. The key is the contents of the entries that the code uses.
+    """A cache of the results and effects of code. The contents of the entries used by the code are the cache key.
 
     Args:
         cells: The contents of all entries.
@@ -111,7 +111,7 @@ class Memo:
         self._answers: list[Any] = []
 
     def _key(self, now: vec[i32]) -> Any:
-        """Return the numbers of the entries' contents, combined to one number if none of them is large."""
+        """Return the cache key: the content numbers, combined into one number if all of them are small."""
         key = 0
         for place in self._places:
             number = now[place]
@@ -121,7 +121,7 @@ class Memo:
         return key
 
     def call(self, run: Callable[[], Any]) -> Any:
-        """Return the result of the code, and apply its changes to entries. Errors are raised, but not cached."""
+        """Run the code, or apply its cached result and effects. Errors are raised, but not cached."""
         only, answers = self._only, self._answers
         number = int(self._cells.now[only]) if only >= 0 else _FEW
         if number >= len(answers) or answers[number] is _UNKNOWN:
@@ -159,7 +159,7 @@ class Memo:
 
 
 class OutcomeMemo:
-    """A cache of the outcome of code that reads only one entry and has no effects.
+    """A cache for the outcomes of code that reads only one blackboard entry and has no effects.
 
     The cache needs only one byte for each content of the entry, because a tree may have a thousand conditions on an entry with a thousand
     contents.
@@ -175,7 +175,7 @@ class OutcomeMemo:
         self._known = bytearray()
 
     def call(self, run: Callable[[], int]) -> int:
-        """Return the result of the code. The result is an outcome number of `kernel.cells`, but not INVALID."""
+        """Return the outcome of the code, as a number of `kernel.cells`. The code must not return INVALID."""
         number = self._cells.now[self._place]
         known = self._known
         if number >= len(known):

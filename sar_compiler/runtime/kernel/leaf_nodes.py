@@ -69,7 +69,7 @@ class LeafNode(ChildlessNode):
         return now
 
     def status_before_tick(self, ticker: Ticker) -> int:
-        """Synchronise the behaviour with its cell, and return the leaf's status before the tick."""
+        """Return the leaf's status before the tick. Unless the tree is live, set it from the cell."""
         before, status = ticker.cells[self.status_cell], self.behaviour.status
         if status is STATUSES[before]:
             return before
@@ -80,7 +80,7 @@ class LeafNode(ChildlessNode):
         return before
 
     def end_without(self, ticker: Ticker, answer: Any) -> int:
-        """End the leaf after a result that is not SUCCESS, FAILURE or RUNNING; treat the result as INVALID, as py_trees does."""
+        """End the leaf after a result that is no status. Like py_trees, treat the result as INVALID."""
         behaviour = self.behaviour
         ticker.number_of(behaviour, answer)
         if self.terminates:
@@ -100,7 +100,7 @@ class LeafNode(ChildlessNode):
 
 
 class SkippableLeafNode(LeafNode):
-    """A leaf that can return INVALID to be skipped. Being skipped does not end the leaf."""
+    """A leaf that can return INVALID to skip its tick. A skipped tick does not end the leaf."""
 
     def begin(self, ticker: Ticker) -> int:
         """Tick the leaf, and record whether it was skipped."""
@@ -115,7 +115,7 @@ class SkippableLeafNode(LeafNode):
 
 
 class StrictUpdate:
-    """A replacement for a behaviour's `update` that raises an error if the result is not a status.
+    """A wrapper around the `update` of a behaviour. It raises an error if the result is not a status.
 
     Args:
         behaviour: A behaviour that is ticked by its own methods.
@@ -138,7 +138,7 @@ class StrictUpdate:
 
 
 def insist_on_status(behaviour: Any) -> None:
-    """Make a behaviour raise an error if its `update` does not return a status; py_trees would only log an error.
+    """Make a behaviour raise an error, instead of logging it, if its `update` does not return a status.
 
     Only the `update` method of this object is wrapped, not the method of its class. py_trees' Success, Failure and Running are not changed,
     because they always return a status.
@@ -148,7 +148,7 @@ def insist_on_status(behaviour: Any) -> None:
 
 
 class ForeignNode(ChildlessNode):
-    """A behaviour that is ticked by its own methods, because the kernel does not know its class.
+    """The node for a behaviour of an unknown class. The methods of this class tick the behaviour.
 
     The kernel's tree does not contain the descendants of the behaviour.
     """
@@ -184,7 +184,7 @@ class ForeignNode(ChildlessNode):
 
 
 class RememberingNode(LeafNode):
-    """A leaf of py_trees that has state between two ticks. A cell stores this state, unless the tree is live.
+    """A leaf of py_trees that has state between two ticks. Except in a live tree, a cell stores this state.
 
     Attributes:
         kept: The cell that stores the leaf's state.
@@ -222,7 +222,7 @@ class RememberingNode(LeafNode):
 
 
 class StatusQueueNode(RememberingNode):
-    """The node for a StatusQueue of py_trees. The statuses not returned yet are always the end of the queue."""
+    """The node for a StatusQueue of py_trees. The remaining statuses are always the last ones of the queue."""
 
     def save(self) -> Any:
         """Return the length of the remaining queue."""
@@ -262,7 +262,7 @@ class TickCounterNode(RememberingNode):
     """The node for a TickCounter of py_trees."""
 
     def save(self) -> Any:
-        """Return the number of ticks since the leaf's start, or 0 if the leaf does not run."""
+        """Return the number of ticks since the leaf started, or 0 if the leaf is not running."""
         return int(self.behaviour.counter) if self.behaviour.status is _RUNNING else 0
 
     def load(self, kept: Any) -> None:
@@ -271,7 +271,7 @@ class TickCounterNode(RememberingNode):
 
 
 class ConstantNode(ChildlessNode):
-    """The node for a Success, Failure or Running of py_trees. Its `update` is never called: the result is constant.
+    """The node for a Success, Failure or Running of py_trees. The result is constant, so `update` is not called.
 
     Attributes:
         outcome: The constant outcome.
@@ -291,7 +291,7 @@ class ConstantNode(ChildlessNode):
         return self.outcome
 
     def write_status(self, cells: vec[i32]) -> None:
-        """Set the behaviour's status from the cells, and clear its message if it is idle."""
+        """Set the behaviour's status from the cells. If the behaviour is idle, clear its message."""
         super().write_status(cells)
         if self.tells and cells[self.status_cell] == INVALID:
             self.set_message(INVALID)
@@ -303,7 +303,7 @@ class ConstantNode(ChildlessNode):
 
 
 class UpdateCheckNode(ChildlessNode):
-    """A leaf that succeeds if an entry was written since the leaf's last check, and otherwise fails.
+    """A leaf that succeeds if an entry was written after the leaf's last check. Otherwise the leaf fails.
 
     Attributes:
         seen: The cell that stores the entry's number of writes at the last check.

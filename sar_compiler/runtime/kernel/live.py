@@ -1,4 +1,4 @@
-"""Live trees: between two ticks, their behaviours have the same statuses as their cells.
+"""Live trees. Between two ticks, the status of each behaviour equals the status in its cell.
 
 The state of a tree is in its cells, and `verify` copies nothing else. A live tree also has py_trees behaviours, which other code reads and
 stops: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a sibling stops a single
@@ -43,7 +43,7 @@ from sar_compiler.runtime.parents import Children, EngineBehaviour
 
 
 class LiveTicker(Ticker):
-    """The ticker of a live tree, whose behaviours are also read and stopped by other code.
+    """The ticker of a live tree. Other code may also read and stop the behaviours of such a tree.
 
     Args:
         flat: The tree.
@@ -59,14 +59,14 @@ class LiveTicker(Ticker):
         self._reached: list[TreeNode] = []
 
     def enter(self) -> None:
-        """Begin a tick or a stop, which may be part of another tick or stop."""
+        """Mark the beginning of a tick or a stop. It may be nested in another tick or stop."""
         if not self._depth:
             self._number += 1
             self._reached = []
         self._depth += 1
 
     def write_statuses(self) -> None:
-        """End a tick or a stop: set the statuses of the reached behaviours from the cells."""
+        """End a tick or a stop, and copy the statuses of the reached nodes from the cells to the behaviours."""
         self._depth -= 1
         for node in self._reached:
             node.write_status(self.cells)
@@ -106,7 +106,7 @@ class LiveTicker(Ticker):
 
 
 class LiveTree:
-    """A tree of behaviours, with the nodes that tick them.
+    """A tree of behaviours, and the nodes that tick these behaviours.
 
     If other code stops a behaviour or sets its status between two ticks, the tree's node is changed accordingly. A
     behaviour of an unknown class is ticked by its own methods.
@@ -145,11 +145,11 @@ class LiveTree:
 
     @property
     def tree_nodes(self) -> list[TreeNode]:
-        """The nodes, in pre-order."""
+        """The nodes of the tree, in pre-order."""
         return self._flat.nodes
 
     def is_whole(self) -> bool:
-        """Return whether all nodes still have the same children."""
+        """Return whether all nodes still have the children that they had when the tree was built."""
         changes: int = Children.changes
         if changes == self._changes:
             return True
@@ -198,7 +198,7 @@ class LiveTree:
         return outcome
 
     def stop(self, index: int = 0) -> None:
-        """Stop a node like `Behaviour.stop(Status.INVALID)`; by default the root."""
+        """Stop a node, by default the root, in the same way as `Behaviour.stop(Status.INVALID)`."""
         ticker = self.ticker
         ticker.enter()
         try:
@@ -208,7 +208,7 @@ class LiveTree:
             ticker.write_statuses()
 
     def _copy_state(self, former: "LiveTree") -> None:
-        """Copy the state of nodes from another tree that has the same behaviours."""
+        """Copy the state of unchanged nodes from an earlier tree that has the same behaviours."""
         there, here = former.ticker, self.ticker
         known = {id(node.behaviour): node for node in former._flat.nodes}
         for node in self._flat.nodes:
