@@ -39,7 +39,9 @@ def value_to_keep(current: object, value: object, enums: Mapping[str, int]) -> o
         return value
     plain = value_of(value)
     if plain is None or (kind not in _PLAIN and not isinstance(current, enum.Enum)):
-        message = f"the entry has the type {kind.__name__}, but the new value is of type {type(value).__name__}"
+        message = (
+            f"the entry has the type {kind.__name__}, but the new value is of type {type(value).__name__}"
+        )
         raise RefusedValueError(message)
     if issubclass(kind, enum.Enum):
         return _member(kind, plain, enums)

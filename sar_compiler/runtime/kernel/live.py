@@ -236,12 +236,12 @@ def _node_of(part: NodeBuilder) -> TreeNode:
 
 
 def _ticked_children(behaviour: Any) -> list[Any]:
-    """Return the children that the kernel ticks. A behaviour that is ticked by its own methods has none."""
+    """Return the children that the kernel ticks. If the behaviour has an unknown class, the kernel ticks none."""
     return [] if node_class_of(behaviour) is None else children_of(behaviour)
 
 
 def show_visits(visits: list[Visit]) -> Iterator[Any]:
-    """Yield the ticked behaviours, each with its status and message at the end of its tick."""
+    """Yield each ticked behaviour after setting its status and message to those at the end of its tick."""
     for visit in visits:
         behaviour, status = visit.behaviour, STATUSES[visit.status]
         now = behaviour.status, behaviour.feedback_message

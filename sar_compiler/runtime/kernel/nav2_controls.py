@@ -14,15 +14,15 @@ from sar_compiler.runtime.kernel.tree_nodes import (
 )
 
 _USUAL_RETRIES: Final = 1
-"""The allowed number of recoveries if the port's value is negative."""
+"""The allowed number of recoveries if the value of the port `number_of_retries` is negative."""
 
 
 class Nav2ControlError(NodeError):
-    """A Nav2 control cannot continue with a child's outcome or a port's value."""
+    """An error: a Nav2 control cannot handle the outcome of a child or the value of a port."""
 
 
 class RecoveringNode(ControlNode):
-    """Ticks its first child; if this child fails, ticks the second child as a recovery, then the first again.
+    """Ticks its first child. If this child fails, ticks the second child as a recovery, and then retries.
 
     Attributes:
         current: The cell that stores the index of the current child.
@@ -77,13 +77,13 @@ class RecoveringNode(ControlNode):
         return self.tick_child(self.children[0], ticker)
 
     def end_with(self, ticker: Ticker, outcome: int) -> int:
-        """End the node or skip it, and reset all cells."""
+        """End the node with an outcome, which may be SKIPPED, and reset all cells."""
         ticker.cells[self.status_cell] = INVALID
         return self.finish(ticker, outcome)
 
 
 class PipelineNode(OneChildNode):
-    """In each tick, ticks its children again, from the first one up to the furthest child that has run.
+    """In each tick, ticks the children from the first one to the furthest one that has been reached so far.
 
     Attributes:
         furthest: The cell that stores the index of the furthest child that has run.
@@ -100,7 +100,7 @@ class PipelineNode(OneChildNode):
         return self.resume(ticker, INVALID)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Fail if the current child has failed, return RUNNING if the furthest child runs, else tick the next child."""
+        """End the tick if the child has failed, or if it is the furthest one and is running. Else go to the next child."""
         cells, index = ticker.cells, ticker.cells[self.position]
         if outcome == FAILURE:
             return self.finish(ticker, FAILURE)
@@ -113,13 +113,13 @@ class PipelineNode(OneChildNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Halt running children; return SUCCESS, or SKIPPED if all children were skipped."""
+        """Halt running children. Return SUCCESS, or SKIPPED if all children were skipped."""
         all_skipped = ticker.cells[self.skips] == len(self.children)
         return self.finish(ticker, SKIPPED if all_skipped else SUCCESS)
 
 
 class RoundRobinNode(OneChildNode):
-    """Ticks its children in turn until one succeeds. The next start begins with the child after that one.
+    """Ticks its children in turn until one succeeds. The next start begins with the child after that child.
 
     If `wrap_around` is false, the node ends without success after the last child.
 
@@ -138,13 +138,13 @@ class RoundRobinNode(OneChildNode):
         return super().begin(ticker)
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the current child; -1 if all children have failed or were skipped."""
+        """Return the index of the current child, or -1 if all children have failed or were skipped."""
         cells = ticker.cells
         is_over = cells[self.failures] + cells[self.skips] >= len(self.children)
         return -1 if is_over else cells[self.position]
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return SUCCESS or RUNNING if the current child did; otherwise tick the next child, if there is one."""
+        """Return SUCCESS or RUNNING if the current child returned it. Otherwise tick the next child, if any."""
         cells = ticker.cells
         if outcome == RUNNING:
             cells[self.skips] = 0
@@ -168,7 +168,7 @@ class RoundRobinNode(OneChildNode):
 
 
 class NonblockingNode(OneChildNode):
-    """Ticks all children in every tick, even those that have succeeded, until no child runs or one has failed.
+    """Ticks all children in every tick, including successful ones, until one fails or no child is running.
 
     Attributes:
         runs: The cell that contains 1 if a child runs; used only during a tick.
@@ -184,7 +184,7 @@ class NonblockingNode(OneChildNode):
         return self.resume(ticker, INVALID)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Fail if the current child failed, otherwise continue with the next child.
+        """Return FAILURE if the current child has failed. Otherwise continue with the next child.
 
         Raises:
             Nav2ControlError: If the child was skipped.
@@ -201,7 +201,7 @@ class NonblockingNode(OneChildNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Return RUNNING if a child runs, otherwise SUCCESS."""
+        """Return RUNNING if a child is running, and otherwise SUCCESS."""
         if not ticker.cells[self.runs]:
             return self.finish(ticker, SUCCESS)
         self.reset_cells(ticker)
@@ -209,7 +209,7 @@ class NonblockingNode(OneChildNode):
 
 
 class PersistentNode(OneChildNode):
-    """A sequence that stores the index of its current child on the blackboard, where it remains after a halt."""
+    """A sequence that stores the index of its current child on the blackboard. A halt does not reset the index."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, of_tick=True)
@@ -228,7 +228,7 @@ class PersistentNode(OneChildNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return FAILURE or RUNNING if the current child did; otherwise tick the next child."""
+        """Return FAILURE or RUNNING if the current child returned it. Otherwise tick the next child."""
         cells = ticker.cells
         if outcome == RUNNING:
             cells[self.position] = 0
@@ -240,11 +240,11 @@ class PersistentNode(OneChildNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """Succeed after the last child."""
+        """Return SUCCESS after the last child."""
         return self.start_over(ticker, SUCCESS)
 
     def start_over(self, ticker: Ticker, outcome: int) -> int:
-        """End the node with an outcome, so that the next start begins with the first child."""
+        """End the node with an outcome, and make the next start begin with the first child."""
         self.finish(ticker, outcome)
         self.behaviour.current_child_idx.set(0)
         return outcome
@@ -258,7 +258,7 @@ _NEXT: Final = (_RESUMED, _PAUSED, _PAUSED, _RESUMED)
 
 
 class PauseResumeNode(ControlNode):
-    """Ticks the child that belongs to its current mode: resumed, paused, pausing or resuming.
+    """Ticks the child for the current mode. The modes are resumed, paused, pausing and resuming.
 
     The node's first child is a leaf whose status is the request: FAILURE to pause, RUNNING to resume. A request to pause is accepted unless
     the node is paused, and a request to resume is accepted only if the node is paused. SKIPPED stands for both requests. The node then
@@ -277,7 +277,7 @@ class PauseResumeNode(ControlNode):
         self.asking, self.mode = part.cell(of_tick=True), part.cell(_RESUMED)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the leaf with the request."""
+        """Tick the leaf that returns the request to pause or resume."""
         cells = ticker.cells
         if self.starts(ticker):
             cells[self.mode] = _RESUMED
@@ -287,7 +287,7 @@ class PauseResumeNode(ControlNode):
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the leaf with the request, or after the child of the mode."""
+        """Continue after the request leaf or the child of the current mode was ticked."""
         cells = ticker.cells
         if cells[self.asking]:
             cells[self.asking] = 0
@@ -300,7 +300,7 @@ class PauseResumeNode(ControlNode):
         return self.next_mode(ticker)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Change the mode if the leaf's outcome requests this, and tick the child of the mode."""
+        """Change the mode if the outcome of the request leaf asks for it, and tick the child of the mode."""
         cells = ticker.cells
         is_paused = cells[self.mode] == _PAUSED
         pauses = (outcome == SKIPPED) if is_paused else (outcome in (FAILURE, SKIPPED))

@@ -1,4 +1,4 @@
-"""The decorators of Nav2. Time or events in the world determine when they tick their child again."""
+"""The decorators of Nav2 that tick their child again after some time, or after an event in the world."""
 
 import math
 from typing import Final
@@ -11,7 +11,7 @@ NO_PERIOD: Final = 0.0
 
 
 class RateNode(DecoratorNode):
-    """Ticks its child at the start, while the child runs, and one period after the child's last success.
+    """Ticks the child at the start, while the child is running, and one period after its last success.
 
     Attributes:
         period: The cell that stores the period in seconds. The period is read at each start.
@@ -30,7 +30,7 @@ class RateNode(DecoratorNode):
         return self.timer.branch_count(ticker) if waits else 1
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child if it is due."""
+        """Tick the child at the start, while it is running, or when the period has passed."""
         cells = ticker.cells
         if self.starts(ticker):
             rate: float = self.behaviour.hz.get()
@@ -45,13 +45,13 @@ class RateNode(DecoratorNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return the child's outcome; a success begins the next period."""
+        """Return the child's outcome. If the child has succeeded, begin the next period."""
         if outcome == SUCCESS:
             self.wait(ticker)
         return self.set_outcome(ticker, outcome)
 
     def wait(self, ticker: Ticker) -> None:
-        """Begin a waiting period; an infinite period never ends."""
+        """Start the timer with the period. If the period is infinite, the timer never expires."""
         period: float = ticker.values[self.period]
         if period == math.inf:
             self.timer.stop(ticker)
@@ -78,7 +78,7 @@ class SingleTriggerNode(DecoratorNode):
         self.done = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, unless it has ended."""
+        """Tick the child, or return FAILURE if the child has already ended."""
         if self.starts(ticker):
             self.reset_cells(ticker)
         return self.set_outcome(ticker, FAILURE) if ticker.cells[self.done] else super().begin(ticker)
@@ -96,7 +96,7 @@ class SingleTriggerNode(DecoratorNode):
 
 
 class AskingNode(OwnNode):
-    """A decorator that ticks a leaf representing the world, and then decides whether to tick its child.
+    """A decorator with an extra leaf that represents the world. The outcome decides whether the child is ticked.
 
     Attributes:
         asked: The leaf that represents the world.
@@ -112,12 +112,12 @@ class AskingNode(OwnNode):
         self.waits = False
 
     def tick_query(self, ticker: Ticker) -> int:
-        """Tick the leaf; return the decorator's outcome, or CALLED."""
+        """Tick the leaf that represents the world. Return the decorator's outcome, or CALLED."""
         ticker.cells[self.asking] = 1
         return self.tick_child(self.asked, ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Process the leaf's or child's outcome; reset the child if it has ended, and the leaf unless it waits."""
+        """Process the outcome of the leaf or of the child, and reset the one that has ended."""
         if ticker.cells[self.asking]:
             ticker.cells[self.asking] = 0
             if outcome != RUNNING or not self.waits:
@@ -128,17 +128,17 @@ class AskingNode(OwnNode):
         return self.set_outcome(ticker, outcome)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Process the leaf's outcome; return the decorator's outcome, or CALLED if the child is ticked."""
+        """Process the outcome of the leaf. Return the decorator's outcome, or CALLED to tick the child first."""
         raise NotImplementedError
 
     def reset_cells(self, ticker: Ticker) -> None:
-        """Reset the node's cells and the leaf that represents the world."""
+        """Reset the cells of the node, and reset the leaf that represents the world."""
         super().reset_cells(ticker)
         self.asked.reset_outcome(ticker)
 
 
 class WhenDueNode(AskingNode):
-    """Ticks its child at the start, while the child runs, and when the leaf succeeds."""
+    """Ticks the child at the start, while the child is running, and when an extra leaf succeeds."""
 
     asks_whether_it_starts = True
 
@@ -147,7 +147,7 @@ class WhenDueNode(AskingNode):
         self.waits = True
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child at the start and while the child runs; otherwise tick the leaf."""
+        """Tick the child in the first tick and while it is running. In other ticks, tick the extra leaf."""
         cells, starts = ticker.cells, self.starts(ticker)
         cells[self.status_cell] = RUNNING
         if starts or cells[self.child.status_cell] == RUNNING:
@@ -155,12 +155,12 @@ class WhenDueNode(AskingNode):
         return self.tick_query(ticker)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the child if the leaf has succeeded."""
+        """Tick the child if the extra leaf has succeeded. Otherwise return RUNNING."""
         return self.tick_child(self.child, ticker) if outcome == SUCCESS else RUNNING
 
 
 class DistanceNode(AskingNode):
-    """Ticks its child at the start, while the child runs, and when the robot has driven far enough.
+    """Ticks the child at the start, while the child is running, and when the robot has driven far enough.
 
     The node ticks the leaf in every tick, and fails without halting the child if the robot's position is unknown.
 
@@ -181,7 +181,7 @@ class DistanceNode(AskingNode):
         return self.tick_query(ticker)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the child at the start, while the child runs, and when the robot has driven far enough."""
+        """Tick the child if this is the start, the child is running, or the robot has driven far enough."""
         cells = ticker.cells
         starts, cells[self.is_first] = cells[self.is_first], 0
         if outcome == FAILURE:
@@ -192,7 +192,7 @@ class DistanceNode(AskingNode):
 
 
 class LongerPathNode(AskingNode):
-    """Ticks its child if the path has become longer close to the goal, and otherwise succeeds.
+    """Ticks the child if the path has become longer close to the goal. Otherwise returns SUCCESS.
 
     If the path does not become longer any more, a running child is not halted.
 
@@ -205,7 +205,7 @@ class LongerPathNode(AskingNode):
         self.seen = part.cell(keeps=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the leaf that compares the path with the previous path; succeed if there is no previous path."""
+        """Tick the leaf that compares the path with the previous one. Succeed if there is no previous path."""
         cells = ticker.cells
         cells[self.status_cell] = RUNNING
         if cells[self.seen]:
@@ -214,7 +214,7 @@ class LongerPathNode(AskingNode):
         return self.set_outcome(ticker, SUCCESS)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the child if the path has become longer."""
+        """Tick the child if the path has become longer. Otherwise return SUCCESS."""
         if outcome == SUCCESS:
             return self.tick_child(self.child, ticker)
         return self.set_outcome(ticker, SUCCESS)

@@ -1,11 +1,11 @@
-"""Sequences and fallbacks of BehaviorTree.CPP, which tick their children in order until one of them decides."""
+"""The sequences and fallbacks of BehaviorTree.CPP. They tick their children in order until one decides."""
 
 from sar_compiler.runtime.kernel.cells import FAILURE, INVALID, RUNNING, SKIPPED
 from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, OneChildNode, Ticker, reset, reset_all
 
 
 class OrderedNode(OneChildNode):
-    """Ticks its children in order until a child returns SUCCESS or FAILURE, whichever is not `hands_over`.
+    """Ticks its children in order. It ends when a child returns the opposite of `hands_over`.
 
     Attributes:
         hands_over: The outcome after which the next child is ticked.
@@ -16,7 +16,7 @@ class OrderedNode(OneChildNode):
         self.hands_over: int = part.behaviour.hands_over
 
     def report_decision(self, ticker: Ticker, index: int, outcome: int) -> None:
-        """Name, in the feedback message, the child that has determined the node's outcome."""
+        """Write into the feedback message which child has determined the node's outcome."""
         if not ticker.tells:
             return
         how = "failed" if outcome == FAILURE else "succeeded"
@@ -24,7 +24,7 @@ class OrderedNode(OneChildNode):
 
 
 class ResumingNode(OrderedNode):
-    """A sequence or fallback that continues with the running child in the next tick.
+    """A sequence or fallback that begins each tick with the child that was running in the previous tick.
 
     Attributes:
         skips: The cell that stores the number of children that were skipped.
@@ -45,7 +45,7 @@ class ResumingNode(OrderedNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Tick the next child after the outcomes `hands_over` and SKIPPED; after the opposite outcome, end the node."""
+        """Tick the next child after `hands_over` or SKIPPED. End the node after the opposite of `hands_over`."""
         if outcome == RUNNING:
             return RUNNING
         cells = ticker.cells
@@ -67,7 +67,7 @@ class ResumingNode(OrderedNode):
         return self.set_outcome(ticker, outcome)
 
     def end(self, ticker: Ticker) -> int:
-        """End the node after the last child, because no child has determined the outcome."""
+        """End the node after the last child. No child has determined the outcome."""
         cells = ticker.cells
         all_skipped = cells[self.skips] == len(self.children)
         cells[self.position] = 0
@@ -75,7 +75,7 @@ class ResumingNode(OrderedNode):
 
 
 class PausingNode(ResumingNode):
-    """Like `ResumingNode`, but pauses with RUNNING after a child that returns `hands_over` in its first tick.
+    """A `ResumingNode` that returns RUNNING after each child that returns `hands_over` in its first tick.
 
     The node does not pause after the last child.
 
@@ -88,14 +88,14 @@ class PausingNode(ResumingNode):
         self.before = part.cell()
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the current child, and store the child's status before its tick."""
+        """Return the index of the current child, and store the current status of this child."""
         index = super().next_child(ticker)
         if index >= 0:
             ticker.cells[self.before] = ticker.cells[self.children[index].status_cell]
         return index
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return RUNNING after a child that has returned `hands_over` in its first tick."""
+        """Return RUNNING if the child returned `hands_over` in its first tick and is not the last child."""
         cells = ticker.cells
         at_once = cells[self.before] != RUNNING
         cells[self.before] = INVALID
@@ -127,7 +127,7 @@ class ReactiveNode(OrderedNode):
         return super().begin(ticker)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """If the current child runs, halt the other children; after `hands_over` or SKIPPED, tick the next child."""
+        """If the child is running, halt the other children. After `hands_over` or SKIPPED, tick the next child."""
         cells, children = ticker.cells, self.children
         index = cells[self.position]
         if outcome == RUNNING:
@@ -146,5 +146,5 @@ class ReactiveNode(OrderedNode):
         return INVALID
 
     def end(self, ticker: Ticker) -> int:
-        """End with the outcome of the last child that was not skipped."""
+        """End the node with the outcome of the last child that was not skipped."""
         return self.finish(ticker, ticker.cells[self.so_far])

@@ -1,4 +1,4 @@
-"""Decorators of BehaviorTree.CPP that restart their child when it has ended."""
+"""The decorators of BehaviorTree.CPP that restart their child after it has ended."""
 
 from collections import deque
 from typing import Any, Final
@@ -13,7 +13,7 @@ _ENDLESS: Final = -1
 
 
 class RepeatingNode(DecoratorNode):
-    """Restarts its child after the outcome `goes_on`, up to a maximum number of times; ends after the opposite.
+    """Restarts the child after the outcome `goes_on`, up to a maximum number of times. Other outcomes end the node.
 
     Args:
         part: The builder of the node.
@@ -47,7 +47,7 @@ class RepeatingNode(DecoratorNode):
         return self.tick_again(ticker, wanted)
 
     def tick_again(self, ticker: Ticker, wanted: int) -> int:
-        """Tick the child if the maximum number of repetitions is not reached yet, otherwise end."""
+        """Tick the child, or end the node if the maximum number of repetitions is reached."""
         cells = ticker.cells
         if not self.is_short(ticker, wanted):
             return self.end_with(ticker, self.goes_on)
@@ -61,7 +61,7 @@ class RepeatingNode(DecoratorNode):
         return wanted == _ENDLESS or ticker.cells[self.done] < wanted
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """After the outcome `goes_on`, count a repetition and tick the child again; return any other outcome."""
+        """After the outcome `goes_on`, count a repetition and tick the child again. Return any other outcome."""
         cells = ticker.cells
         wanted, was_running = cells[self.wanted] - 2, cells[self.before] == RUNNING
         cells[self.wanted] = cells[self.before] = 0
@@ -80,7 +80,7 @@ class RepeatingNode(DecoratorNode):
         return self.tick_again(ticker, wanted)
 
     def read_again(self, wanted: int) -> int:
-        """Return the maximum number of repetitions after another repetition."""
+        """Return the maximum number of repetitions, which may have changed during the last repetition."""
         return wanted
 
     def report_repetitions(self, ticker: Ticker, wanted: int) -> None:
@@ -117,13 +117,13 @@ class RepeatNode(RepeatingNode):
 
 
 class RetryNode(RepeatingNode):
-    """Restarts its child after a failure; the child may change the maximum number of attempts."""
+    """Restarts the child after a failure. The child may change the maximum number of attempts."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part, part.behaviour.num_attempts, FAILURE, "attempt")
 
     def read_again(self, wanted: int) -> int:
-        """Return the maximum number of attempts. The child may have changed it in the last attempt."""
+        """Return the maximum number of attempts, which the child may have changed in the last attempt."""
         again: int = wanted if self.is_fixed else self.times.get(wanted)
         return again
 
@@ -133,7 +133,7 @@ _UNSEEN: Final = 0
 
 
 class LoopNode(DecoratorNode):
-    """Runs its child to the end once for each item of a queue; the tag determines the type of the items.
+    """Runs the child once for each item of a queue. The tag determines the type of the items.
 
     Attributes:
         left: The cell that stores the remaining items.
@@ -149,7 +149,7 @@ class LoopNode(DecoratorNode):
         self.left, self.child_runs = part.value(_UNSEEN), part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Write the next item, unless the child runs, and tick the child."""
+        """Tick the child. If the child is not running, write the next item first."""
         cells = ticker.cells
         if self.starts(ticker):
             ticker.values[self.left] = self.literal
@@ -170,7 +170,7 @@ class LoopNode(DecoratorNode):
         return self.set_outcome(ticker, number_of(behaviour.if_empty.get().status) or SKIPPED)
 
     def next_item(self, ticker: Ticker) -> bool:
-        """Write the next item to the output; return False if no item is left."""
+        """Write the next item to the output port. Return False if no item is left."""
         values = ticker.values
         shared = self.shared_queue(ticker)
         if not (values[self.left] if shared is None else shared):
@@ -197,7 +197,7 @@ class LoopNode(DecoratorNode):
             raise QueueError(message, self.behaviour.name) from None
 
     def write(self, raw: object, left: int) -> None:
-        """Write an item to the output, and report the item and the number of remaining items."""
+        """Write an item to the output port. Show the item and the number of remaining items in the message."""
         behaviour = self.behaviour
         (item,) = self.read([raw])
         if behaviour.value is not None:
@@ -205,7 +205,7 @@ class LoopNode(DecoratorNode):
         behaviour.feedback_message = f"item {excerpt(str(item))}, {left} left"
 
     def shared_queue(self, ticker: Ticker) -> Any:
-        """Return the queue if other nodes also remove items from it; None if the node has its own copy of the items."""
+        """Return the queue if this node shares it with other nodes, or None if this node has a copy of the items."""
         if self.literal != _UNSEEN:
             return None
         queue = self.behaviour.queue.get()

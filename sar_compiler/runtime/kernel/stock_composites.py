@@ -11,7 +11,7 @@ _NOWHERE: Final = -2
 
 
 class StockNode(TreeNode):
-    """The base class for composites of py_trees: children keep their statuses until they are restarted or stopped.
+    """The base class for composites of py_trees. A child keeps its status until it is restarted or stopped.
 
     The composite's status depends on the statuses of its children, not on the outcomes of their ticks.
 
@@ -24,7 +24,7 @@ class StockNode(TreeNode):
         self.pointed = _NOWHERE
 
     def reset_cells(self, ticker: Ticker) -> None:
-        """Reset the node's cells and the index of py_trees' current child."""
+        """Reset the cells of the node, and forget the index of its `current_child` in py_trees."""
         super().reset_cells(ticker)
         self.pointed = _NOWHERE
 
@@ -40,7 +40,7 @@ class StockNode(TreeNode):
         ticker.cells[self.status_cell] = INVALID
 
     def point_at(self, ticker: Ticker, index: int) -> None:
-        """Set py_trees' current child to the child at an index; -1 means the last child."""
+        """Set the `current_child` of the py_trees behaviour to the child at an index; -1 is the last child."""
         if index != self.pointed and ticker.tells:
             self.pointed = index
             self.behaviour.current_child = self.children[index].behaviour if self.children else None
@@ -59,7 +59,7 @@ class StockSequenceNode(StockNode):
         self.position = part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the running child if the node has memory, otherwise with the first child."""
+        """Begin with the first child, or with the running child if the node has memory."""
         cells = ticker.cells
         if cells[self.status_cell] != RUNNING:
             stop_all(self.children, ticker)
@@ -70,7 +70,7 @@ class StockSequenceNode(StockNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue with the next child after a success; INVALID means that the current child has to be ticked."""
+        """Continue after the current child. The outcome INVALID means that this child must still be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.position], len(children)
         status = SUCCESS
@@ -100,7 +100,7 @@ class StockSequenceNode(StockNode):
         return SKIPPED if status == INVALID else status
 
     def break_off(self, ticker: Ticker) -> None:
-        """After an aborted tick, set py_trees' current child to the child at the current index."""
+        """Set the `current_child` of the py_trees behaviour after an exception has aborted the tick."""
         self.point_at(ticker, ticker.cells[self.position])
 
 
@@ -118,7 +118,7 @@ class StockSelectorNode(StockNode):
         self.position, self.current = part.cell(), part.cell()
 
     def begin(self, ticker: Ticker) -> int:
-        """Begin with the running child if the node has memory, otherwise with the first child."""
+        """Begin with the first child, or with the running child if the node has memory."""
         cells = ticker.cells
         if cells[self.status_cell] != RUNNING:
             self.pointed = _NOWHERE
@@ -132,7 +132,7 @@ class StockSelectorNode(StockNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue with the next child after a failure; INVALID means that the current child has to be ticked."""
+        """Continue after the current child. The outcome INVALID means that this child must still be ticked."""
         cells, children = ticker.cells, self.children
         index, count = cells[self.current], len(children)
         while index < count:
@@ -223,7 +223,7 @@ class StockParallelNode(StockNode):
         return status
 
     def decide(self, ticker: Ticker) -> int:
-        """Return the node's status after all children were ticked; set the current child to the decisive child."""
+        """After all children were ticked, return the node's status, and make the decisive child the current one."""
         cells, children = ticker.cells, self.children
         for index, child in enumerate(children):
             if cells[child.status_cell] == FAILURE:
@@ -245,7 +245,7 @@ class StockParallelNode(StockNode):
         return SUCCESS
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Return the children that are not idle in reverse stopping order; running children are stopped first."""
+        """Return the children to stop, in reverse order. The running children are last, so they are stopped first."""
         cells = ticker.cells
         children = super().stop_first(ticker)
         ended = [child for child in children if cells[child.status_cell] != RUNNING]

@@ -1,4 +1,4 @@
-"""The kernel's nodes for py_trees' own decorators. Their `update` methods convert the status of the child.
+"""The kernel's nodes for py_trees' own decorators, whose `update` methods convert the child's status.
 
 Cells store the state of such a decorator between two ticks. Each tick copies the state to the decorator's attributes and back.
 """
@@ -37,7 +37,7 @@ TURNING: tuple[type, ...] = (
     decorators.SuccessIsFailure,
     decorators.SuccessIsRunning,
 )
-"""py_trees' decorators that only convert the status of their child."""
+"""The decorators of py_trees that only convert the status of their child."""
 
 
 class StockDecoratorNode(TreeNode):
@@ -64,7 +64,7 @@ class StockDecoratorNode(TreeNode):
         self.terminates: bool = is_own(part.behaviour, "terminate")
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the node, unless it runs, and tick the child."""
+        """Tick the child. If the node is not running, start the node first."""
         if ticker.cells[self.status_cell] != RUNNING:
             self.start(ticker)
         outcome = self.child.tick(ticker)
@@ -93,7 +93,7 @@ class StockDecoratorNode(TreeNode):
         ticker.cells[self.status_cell] = INVALID
 
     def start(self, ticker: Ticker) -> None:
-        """Do the work of the `initialise` method of the py_trees class; by default, do nothing."""
+        """Do the work of the `initialise` method of the py_trees class. By default, do nothing."""
 
     def update(self, ticker: Ticker) -> int:
         """Return the status that the `update` method of the py_trees class returns for the child's status."""
@@ -107,7 +107,7 @@ class StockDecoratorNode(TreeNode):
         return self.turned[status]
 
     def update_message(self, ticker: Ticker, status: int) -> int:
-        """Convert the child's status and message; `update` is called again only for a new status or message."""
+        """Convert the child's status and message. Call `update` only if the status or message is new."""
         behaviour, heard = self.behaviour, self.child.behaviour.feedback_message
         is_known = status == self.heard_status and heard is self.heard_message
         if not is_known or behaviour.feedback_message is not self.message:
@@ -117,7 +117,7 @@ class StockDecoratorNode(TreeNode):
         return self.made
 
     def call_update(self, ticker: Ticker, status: int) -> int:
-        """Call the `update` of the py_trees class; return the status as a number."""
+        """Call the `update` method of the py_trees class, and return the resulting status as a number."""
         self.child.behaviour.status = STATUSES[status]
         return ticker.number_of(self.behaviour, self.behaviour.update())
 
@@ -140,7 +140,7 @@ class StockCountingNode(StockDecoratorNode):
         self.known: dict[int, int] = {}
 
     def attribute(self) -> str:
-        """Return the name of the behaviour's attribute that stores the count; empty if no count is needed."""
+        """Return which attribute of the behaviour stores the count; empty if no count is needed."""
         raise NotImplementedError
 
     def start(self, ticker: Ticker) -> None:
@@ -165,7 +165,7 @@ class StockCountingNode(StockDecoratorNode):
         return known % len(STATUSES)
 
     def count_on(self, ticker: Ticker, attribute: str) -> int:
-        """Let the behaviour count the child's outcome; return the node's status."""
+        """Call the behaviour's `update`, which counts the child's outcome, and return the node's status."""
         setattr(self.behaviour, attribute, ticker.cells[self.count])
         status = super().update(ticker)
         ticker.cells[self.count] = getattr(self.behaviour, attribute)
@@ -180,7 +180,7 @@ class StockRepeatNode(StockCountingNode):
     """The node for a Repeat of py_trees."""
 
     def attribute(self) -> str:
-        """Return the name of the attribute that stores the count; empty if the number of repetitions has no limit."""
+        """Return the name of the attribute that stores the count; empty if repetitions are unlimited."""
         return "success" if self.behaviour.num_success > 0 else ""
 
 
@@ -229,7 +229,7 @@ class StockOneShotNode(StockDecoratorNode):
         self.counts: list[int] = [number_of(status) for status in behaviour.policy.value]
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, unless it has a final status."""
+        """Tick the child, or return its final status if it has one."""
         final = ticker.cells[self.final]
         if final == INVALID:
             return super().begin(ticker)
@@ -239,7 +239,7 @@ class StockOneShotNode(StockDecoratorNode):
         return final
 
     def update(self, ticker: Ticker) -> int:
-        """Return the child's status, like the py_trees class while the child has no final status."""
+        """Return the child's status. Only called while the child has no final status."""
         return super().update(ticker) if ticker.tells else ticker.cells[self.child.status_cell]
 
     def terminate(self, ticker: Ticker, status: int) -> None:
@@ -287,7 +287,7 @@ class StockForEachNode(StockDecoratorNode):
             cells[self.has_item] = int(item is not None)
 
     def update(self, ticker: Ticker) -> int:
-        """Return SUCCESS if no item is left, RUNNING after the success of an item, otherwise the child's status."""
+        """Return SUCCESS if no item is left, RUNNING if the next item begins, and else the child's status."""
         cells = ticker.cells
         if not cells[self.has_item]:
             return SUCCESS
@@ -303,7 +303,7 @@ class StockForEachNode(StockDecoratorNode):
 
 
 class StockTimeoutNode(StockDecoratorNode):
-    """The node for a Timeout of py_trees, which uses the mission's clock."""
+    """The node for a Timeout of py_trees. The node measures the time with the mission's clock."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)

@@ -43,7 +43,7 @@ if not IS_2_3:
 
 
 class NotFlatError(UndecidableError):
-    """The kernel cannot tick the children of a behaviour, because the behaviour's class is unknown.
+    """An error: the kernel cannot tick the children of a behaviour, because its class is unknown.
 
     Attributes:
         behaviour: The behaviour.
@@ -73,7 +73,7 @@ def known_node(part: NodeBuilder) -> TreeNode:
 
 
 def node_class_of(behaviour: Behaviour) -> NodeClass | None:
-    """Return the function that creates a behaviour's node; None if the kernel cannot tick the behaviour's children."""
+    """Return the function that creates the node of a behaviour, or None if the kernel cannot tick the children."""
     cls = type(behaviour)
     known = STOCK.get(cls)
     if known is not None and "update" not in vars(behaviour):
@@ -102,7 +102,7 @@ def is_known_class(cls: type[Behaviour]) -> bool:
 
 
 def flatten(root: Behaviour, node_of: NodeClass = known_node) -> FlatTree:
-    """Convert a tree to flat form.
+    """Convert a tree of behaviours to a `FlatTree`.
 
     Args:
         root: The root of the tree, after its setup.

@@ -31,12 +31,12 @@ class Times:
         raise NotImplementedError
 
     def remaining_sec(self, index: int, token: Any) -> float:
-        """Return the remaining time of a node's timer in seconds; called only if the nodes' messages are read."""
+        """Return the remaining seconds of a node's timer. Only called to show them in a message."""
         raise NotImplementedError
 
 
 class _SteadyClock:
-    """A clock that never goes back, even if the underlying clock goes back."""
+    """A clock that never goes back, even if the clock that it reads goes back."""
 
     def __init__(self, clock: Any) -> None:
         self._clock = clock
@@ -67,7 +67,7 @@ class ClockTimes(Times):
         self._by_clock: dict[int, _SteadyClock] = {}
 
     def start(self, index: int, seconds: float) -> Any:
-        """Start a node's timer with a duration in seconds; return its token."""
+        """Start a node's timer with a duration in seconds, and return the token of the timer."""
         return self._now(index) + seconds
 
     def is_up(self, index: int, token: Any) -> bool:
@@ -75,7 +75,7 @@ class ClockTimes(Times):
         return bool(self._now(index) >= token)
 
     def remaining_sec(self, index: int, token: Any) -> float:
-        """Return the remaining time of a node's timer in seconds; 0 if it has expired."""
+        """Return the remaining seconds of a node's timer, or 0 if the timer has expired."""
         return max(float(token) - self._now(index), 0.0)
 
     def _now(self, index: int) -> float:

@@ -17,7 +17,7 @@ _CLOSE: Final = 1e-6
 
 
 class DurationError(NodeError):
-    """The duration of a node is negative."""
+    """An error: the duration of a node is negative."""
 
 
 def seconds_of(behaviour: Any, port: str) -> float:
@@ -34,7 +34,7 @@ def seconds_of(behaviour: Any, port: str) -> float:
 
 
 class Countdown:
-    """The timer of a node. One cell stores the timer's state, and another cell its token while the timer runs.
+    """The timer of a node. One cell stores the state of the timer, and another cell stores its token.
 
     A timer that has expired is not checked again.
 
@@ -78,7 +78,7 @@ class Countdown:
         return self.message
 
     def stop(self, ticker: Ticker, state: int = OFF) -> None:
-        """Stop the timer, and set its state."""
+        """Stop the timer, and set the state of the timer to *state*."""
         ticker.cells[self.state] = state
         ticker.values[self.token] = 0
 
@@ -113,7 +113,7 @@ class DelayNode(TimedNode):
         return self.set_outcome(ticker, RUNNING)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return the child's outcome; stop the timer if the child has ended, so that the next start waits again."""
+        """Return the child's outcome. If the child has ended, stop the timer, so that the next start waits again."""
         if outcome & ENDED:
             self.timer.stop(ticker)
         return self.set_outcome(ticker, outcome)
@@ -123,7 +123,7 @@ class TimeoutNode(TimedNode):
     """Halts its child and fails if the child is still running after a time limit."""
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, unless the child is running and the time limit has expired."""
+        """Tick the child. If the child is running and the time limit has expired, halt the child instead."""
         cells, timer = ticker.cells, self.timer
         if cells[timer.state] == OFF:
             self.start(ticker)
@@ -136,7 +136,7 @@ class TimeoutNode(TimedNode):
         return self.tick_child(self.child, ticker)
 
     def start(self, ticker: Ticker) -> None:
-        """Start the timer; zero seconds mean no limit."""
+        """Start the timer with the time limit. A duration of zero means that there is no limit."""
         seconds = seconds_of(self.behaviour, "msec")
         if seconds:
             self.timer.start(seconds, ticker)
@@ -145,14 +145,14 @@ class TimeoutNode(TimedNode):
         ticker.cells[self.status_cell] = RUNNING
 
     def time_out(self, ticker: Ticker) -> int:
-        """Halt the child, and fail."""
+        """Halt the child, and return FAILURE."""
         self.timer.stop(ticker)
         reset(self.child, ticker)
         self.behaviour.feedback_message = "timed out"
         return self.set_outcome(ticker, FAILURE)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return the child's outcome; stop the timer if the child has ended."""
+        """Return the child's outcome. If the child has ended, stop the timer."""
         if outcome & ENDED:
             self.timer.stop(ticker)
             self.behaviour.feedback_message = ""
@@ -160,18 +160,18 @@ class TimeoutNode(TimedNode):
 
 
 class SleepNode(ChildlessNode):
-    """A leaf that waits and then succeeds. When the leaf is stopped, its feedback message is cleared."""
+    """A leaf that waits and then succeeds. Stopping the leaf clears its feedback message."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
         self.timer = Countdown(part)
 
     def branch_count(self, ticker: Ticker) -> int:
-        """Return the number of possible results of the timer check, which also takes place in the first tick."""
+        """Return the number of possible results of the timer check. Even the first tick checks the timer."""
         return ticker.times.branch_count()
 
     def begin(self, ticker: Ticker) -> int:
-        """Start the timer if the leaf does not run yet; return SUCCESS if the timer has expired."""
+        """Start the timer if the leaf is not running. Return SUCCESS if the timer has expired, else RUNNING."""
         cells, timer = ticker.cells, self.timer
         if cells[self.status_cell] != RUNNING:
             timer.start(self.seconds(), ticker)
