@@ -26,7 +26,7 @@ _NUMBERS = (int, float)
 
 
 class EntryTypeError(SarError):
-    """A value cannot be written to an entry, or a key is not a string."""
+    """An error: a value cannot be written to a blackboard entry, or a key is not a string."""
 
 
 class _ScriptLeaf(Behaviour):
@@ -50,7 +50,7 @@ class _ScriptLeaf(Behaviour):
         self._quick: Callable[[], Status] | None = None
 
     def update(self) -> Status:
-        """Run the script. If the script has a compiled form, the first call replaces this method by that form."""
+        """Run the script. If the script has a compiled form, this form replaces the method at the first call."""
         if self._quick is None:
             self._quick = self.script.fast_update(_SUCCESS, _FAILURE if self.is_condition else None)
         quick = self._quick
@@ -70,13 +70,13 @@ class RunScript(_ScriptLeaf):
 
 
 class ScriptCondition(_ScriptLeaf):
-    """Runs a script; succeeds if the script's value is true (1), and fails if it is false (0)."""
+    """Runs a script. The node succeeds if the script's value is true (1), and fails if the value is false (0)."""
 
     is_condition = True
 
 
 class SetBlackboard(Behaviour):
-    """Copies a string, or the value of another entry, to an entry; fails if the other entry has no value.
+    """Writes a string or the value of another entry to an entry. The node fails if the other entry has no value.
 
     An entry keeps the type that a port, a literal or the mission has declared. An entry without a type gets the type of
     the new value. py_trees' SetBlackboardVariable supports neither scopes nor ports.
@@ -154,13 +154,13 @@ class SetBlackboard(Behaviour):
 
 
 def _is_kept(value: object, kind: type, current: object) -> bool:
-    """Return whether an entry with a declared type and a current value certainly accepts a new value unchanged."""
+    """Return whether a new value certainly needs no conversion, given an entry's type and current value."""
     given = type(value)
     return given is kind is str or (given in _NUMBERS and given is type(current))
 
 
 class UnsetBlackboard(Behaviour):
-    """Removes an entry of the tree that contains the node; entries of outer trees remain.
+    """Removes an entry of the tree that contains the node. Entries of outer trees are not removed.
 
     py_trees' UnsetBlackboardVariable does not support scopes.
 
@@ -190,7 +190,7 @@ class UnsetBlackboard(Behaviour):
 
 
 class Conditions(Decorator):
-    """The pre- and postconditions of a node: a decorator that shares the node's status.
+    """A decorator for the pre- and postconditions of a node. The decorator and the node share one status.
 
     The decorators of py_trees cannot skip a node, and cannot run a script when a node ends.
 
@@ -228,27 +228,27 @@ class Conditions(Decorator):
 
     @property
     def has_while(self) -> bool:
-        """Whether the node has `_while`."""
+        """Whether the node has the precondition `_while`."""
         return self._while is not None
 
     def run_after(self, outcome: int) -> None:
-        """Run the postconditions for an outcome; INVALID means that the node was halted while it was running."""
+        """Run the postconditions for an outcome. INVALID means that the node was halted while running."""
         for script in (self._after[outcome], self._post[outcome]):
             if script is not None:
                 script.run()
 
     def omit_post_after_halts(self) -> None:
-        """Do not run `_post` after a halt. BehaviorTree.CPP does the same, contrary to its documentation."""
+        """Never run `_post` after a halt. BehaviorTree.CPP does not run it either, although documented."""
         self._post[INVALID] = None
 
     def ignore(self) -> None:
-        """Ignore all conditions except `_onHalted`, like a ThreadedAction of BehaviorTree.CPP."""
+        """Ignore all conditions except `_onHalted`, as BehaviorTree.CPP does for a ThreadedAction."""
         self._before, self._while = [], None
         self._after = {**dict.fromkeys((SUCCESS, FAILURE)), INVALID: self._after[INVALID]}
         self._post = dict.fromkeys(self._post)
 
     def evaluate_while_at_start(self) -> None:
-        """Evaluate `_while` only before the node starts, like a CoroActionNode of BehaviorTree.CPP."""
+        """Evaluate `_while` only before the node starts, as BehaviorTree.CPP does for a CoroActionNode."""
         condition = self._while
         if condition is not None:
             negated = SimpleNamespace(holds=lambda: not condition.holds())

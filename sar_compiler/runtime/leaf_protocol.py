@@ -1,4 +1,4 @@
-"""The optional interface between a leaf and its tree's runner.
+"""The optional interface between a leaf and the runner, which ticks the tree.
 
 A leaf is an ordinary py_trees behaviour. A runner passes these keyword arguments to `setup`:
 
@@ -18,7 +18,7 @@ Wake = Callable[[], None]
 
 
 def ignore_wake() -> None:
-    """Do nothing. This function is the default `Wake` if a runner does not pass a `Wake`."""
+    """Do nothing. Leaves use this function as `Wake` if the runner passes none."""
 
 
 @runtime_checkable
@@ -26,12 +26,12 @@ class SettlingLeaf(Protocol):
     """A leaf whose work, such as the cancellation of a goal, may continue after the leaf was stopped."""
 
     def is_settled(self) -> bool:
-        """Return whether the leaf has no active work; called after the tree was stopped."""
+        """Return whether the leaf has no active work left. Called after the tree was stopped."""
         ...
 
 
 class NoStatusError(SarError, TypeError):
-    """A behaviour's method, usually `update()`, did not return a status.
+    """An error: a method of a behaviour, usually `update()`, did not return a status.
 
     Attributes:
         behaviour: The behaviour.

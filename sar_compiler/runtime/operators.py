@@ -1,4 +1,4 @@
-"""The operators of scripts, which apply BehaviorTree.CPP's rules to Python's numbers and strings.
+"""The operators of scripts. They follow BehaviorTree.CPP's rules, but use Python's numbers and strings.
 
 Every numeric result is a real number. If an operand is invalid, a `RefusedValueError` names this operand.
 """
@@ -19,10 +19,10 @@ from sar_compiler.runtime.variables import (
 )
 
 EPSILON = 2.0**-23
-"""The tolerance when numbers are tested for equality: the difference between 1 and the next 32-bit floating-point number."""
+"""Numbers are equal if they differ by at most this: the distance from 1 to the next 32-bit floating-point number."""
 
 LONGEST_TEXT = 4096
-"""The maximum length of a joined string. A script that joins a string to itself in each tick would fill the memory."""
+"""The maximum length of a joined string. Without it, a script that doubles a string in each tick would fill the memory."""
 
 
 def add(left: ScriptValue, right: ScriptValue) -> ScriptValue:
@@ -100,7 +100,7 @@ def is_chosen(condition: ScriptValue) -> bool:
 
 
 def as_condition(value: ScriptValue) -> bool:
-    """Convert a script's value to a condition's result; valid are the integers 0 and 1, and real numbers from 0 on.
+    """Convert a script's value to True or False. Valid are 0, 1 and real numbers that are not negative.
 
     Raises:
         RefusedValueError: If the value is another integer, a negative number or a string.
@@ -139,7 +139,7 @@ def _join(left: str, right: str) -> str:
 
 
 def _as_text(value: object) -> str:
-    """Convert a value to a part of a joined string; a real number has six digits after the point."""
+    """Convert a value to text for joining. A real number is written with six decimal places."""
     if isinstance(value, str):
         return value
     if isinstance(value, int):
@@ -155,7 +155,7 @@ def _bits(value: ScriptValue) -> int:
 
 
 def _is_true(value: ScriptValue) -> bool:
-    """Return the truth of a number by the rules of `as_condition`."""
+    """Convert a number to True or False by the rules of `as_condition`."""
     number = as_real(value)
     if number < 0 or (isinstance(value, int) and value not in {0, 1}):
         raise RefusedValueError(f"{describe_value(value)} is neither true (1) nor false (0)")
@@ -163,7 +163,7 @@ def _is_true(value: ScriptValue) -> bool:
 
 
 def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
-    """Return whether a Switch treats two strings as equal: same text, named constant, integer or real number."""
+    """Return whether a Switch treats two strings as equal, because their texts or numbers are equal."""
     if first == second:
         return True
     one, other = (float(names[text]) if text in names else _number_in(text) for text in (first, second))

@@ -1,4 +1,4 @@
-"""The possible outcomes of a leaf's tick, described as plain data for runs without a robot."""
+"""The possible outcomes of a leaf's tick. Runs without a robot use these descriptions instead of the leaf."""
 
 import enum
 from collections import defaultdict
@@ -14,7 +14,7 @@ Fact: TypeAlias = bool | int | float | str
 
 
 class ReturnedStatus(enum.Enum):
-    """A status that a tick returns, as it is written in the attributes of tree files."""
+    """A status returned by a tick. Attributes in tree files contain the names of these statuses."""
 
     SUCCESS = "SUCCESS"
     FAILURE = "FAILURE"
@@ -32,7 +32,7 @@ class ReturnedStatus(enum.Enum):
 
 
 STATUSES = tuple(ReturnedStatus.__members__)
-"""The names of the possible statuses, the most common statuses first."""
+"""The names of the possible statuses, in descending order of frequency."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def nominal(options: Sequence[Outcome]) -> Outcome:
 
 
 def probabilities(outcomes: Sequence[Outcome]) -> list[tuple[float, float]]:
-    """Return the minimum and maximum probability of each outcome, given that one of them occurs.
+    """Return the minimum and maximum probability of each outcome if exactly one of the outcomes occurs.
 
     If all outcomes have a probability, the probabilities are normalised, because other outcomes of the leaf may be impossible now.
     Otherwise, the outcomes without a probability share the remaining probability. If all probabilities are zero, each outcome may have any
@@ -93,7 +93,7 @@ def probabilities(outcomes: Sequence[Outcome]) -> list[tuple[float, float]]:
 
 
 def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:
-    """Choose a probability between each pair of bounds, at the same relative position, so that the sum is 1."""
+    """Choose a probability within each pair of bounds. All are at the same relative position, with the sum 1."""
     room = sum(high - low for low, high in bounds)
     part = (1.0 - sum(low for low, _ in bounds)) / room if room else 0.0
     return [low + part * (high - low) for low, high in bounds]
@@ -104,7 +104,7 @@ def _probability(weight: float, others: float) -> float:
 
 
 class DeclaredOutcomes:
-    """The declared outcomes of a running leaf. The leaf's status and `outcome_label` are looked up here.
+    """The declared outcomes of a leaf, which are looked up by the leaf's status and `outcome_label`.
 
     Args:
         outcomes: The outcomes.
@@ -118,7 +118,7 @@ class DeclaredOutcomes:
         self._all = {label for labels in self._labels.values() for label in labels}
 
     def label(self, status: str, given: str) -> str:
-        """Return the label of a leaf's outcome; return an empty string if the label is not known.
+        """Return the label of a leaf's outcome, or an empty string if the label is not known.
 
         If only one outcome has the status, its label is returned, and any other label is ignored.
 
@@ -132,7 +132,7 @@ class DeclaredOutcomes:
         return labels[0] if len(labels) == 1 else ""
 
     def why_invalid(self, status: str, given: str) -> str:
-        """Return the reason why a leaf's `outcome_label` is invalid; return '' if the label is valid."""
+        """Return why a leaf's `outcome_label` is invalid, or an empty string if the label is valid."""
         labels = self._labels.get(status, [])
         if given in ("", *labels) or (given in self._all and len(labels) == 1):
             return ""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Children(list[Behaviour]):
-    """A list of the children of a behaviour, which counts how often children are added or removed.
+    """A list of the children of a behaviour. All lists of this class together count their changes.
 
     Attributes:
         changes: The number of changes of all lists of this class so far.
@@ -34,7 +34,7 @@ class Children(list[Behaviour]):
 
     @classmethod
     def from_list(cls, children: list[Behaviour]) -> "Children":
-        """Convert a list of children to this class."""
+        """Convert a plain list of children to an instance of this class."""
         return children if isinstance(children, cls) else cls(children)
 
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
@@ -59,13 +59,13 @@ for _name in (*_PLAIN, "__delitem__", "__iadd__", "__imul__", "__setitem__"):
 
 
 class TickedTree(Protocol):
-    """The methods of a kernel tree that behaviours call; see `LiveTree`."""
+    """The methods that behaviours call on a kernel tree; see `LiveTree`."""
 
     def is_whole(self) -> bool:
-        """Return whether all nodes still have the same children."""
+        """Return whether all nodes still have the children that they had when the tree was built."""
 
     def tick(self, visits: "list[Visit] | None" = None, index: int = 0) -> int:
-        """Tick the node at an index once, and record the ticked nodes below it as visits."""
+        """Tick the node at an index once, and add its ticked descendants to the visits."""
 
     def stop(self, index: int = 0) -> None:
         """Stop the node at an index."""
@@ -105,9 +105,9 @@ class EngineBehaviour(Behaviour):
     skipped = False
     clock: Clock = WallClock()
     place: tuple[TickedTree, int] | None = None
-    """The kernel tree that contains the behaviour's node, and the node's index in this tree."""
+    """The kernel tree with the node of this behaviour, and the index of the node in this tree."""
     wake: Wake = staticmethod(ignore_wake)
-    """Function that requests another tick at once, for nodes that return RUNNING between two children."""
+    """Function that requests an immediate next tick. Nodes call it if they return RUNNING between two children."""
 
     def setup(self, **kwargs: Any) -> None:
         """Store the runner's `wake` function.
@@ -123,7 +123,7 @@ class EngineBehaviour(Behaviour):
         return self.node_class(part)
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick once, and then yield each ticked node with the status at the end of its tick; this node comes last."""
+        """Tick once. Then yield each ticked node, with its status at the end of its tick, and this node last."""
         visits: list[Visit] = []
         try:
             tree, index = self._tree_and_index()
@@ -143,7 +143,7 @@ class EngineBehaviour(Behaviour):
         return self.status
 
     def stop(self, new_status: Status = Status.INVALID) -> None:
-        """Set the status; INVALID halts the node and its children."""
+        """Set the status. The status INVALID halts the node and its children."""
         if new_status == Status.INVALID:
             tree, index = self._tree_and_index()
             tree.stop(index)

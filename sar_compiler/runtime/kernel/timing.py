@@ -194,28 +194,28 @@ class SleepNode(ChildlessNode):
         return seconds_of(self.behaviour, "msec")
 
     def set_message(self, ticker: Ticker, left: str) -> None:
-        """Set the feedback message if messages are read; *left* is the remaining time, or empty at the end."""
+        """If messages are read, set the feedback message to the remaining time *left*, which is empty at the end."""
         if ticker.tells:
             self.behaviour.feedback_message = left
 
     def clear_message(self) -> None:
-        """Clear the message, because the node is stopped."""
+        """Clear the feedback message when the node is stopped."""
         self.behaviour.feedback_message = ""
 
 
 class TimerNode(SleepNode):
-    """The node for a Timer of py_trees. It uses the mission's clock, and keeps its message when it is stopped."""
+    """The node for a Timer of py_trees, with the mission's clock. The message remains when the node is stopped."""
 
     def seconds(self) -> float:
         """Return the duration, in seconds."""
         return float(self.behaviour.duration)
 
     def set_message(self, ticker: Ticker, left: str) -> None:
-        """Set the same feedback message as py_trees, if messages are read; *left* is empty at the end."""
+        """If messages are read, set the same feedback message as py_trees. *left* is empty at the end."""
         if not ticker.tells:
             return
         behaviour = self.behaviour
         behaviour.feedback_message = "still running" if left else f"timer ran out [{behaviour.duration}]"
 
     def clear_message(self) -> None:
-        """Keep the message, like py_trees' Timer."""
+        """Do nothing, because py_trees' Timer also keeps its message."""

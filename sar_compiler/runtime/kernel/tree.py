@@ -10,14 +10,14 @@ from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree_nodes import CellLayout, NodeBuilder, Ticker, TreeNode
 
 _MANY: Final = 2
-"""The number of writes that represents all larger numbers. It must not be 1, because an entry that is removed and written again has been
-written once."""
+"""Numbers of writes above this number are reduced to it. It must not be 1, which is the number of writes of an entry that was removed and
+written again."""
 _LONG_AGO: Final = -1
-"""A stored number of writes that no entry will have again."""
+"""This number stands for an outdated number of writes, which differs from the current number of every entry."""
 
 
 class FlatTree:
-    """A tree whose whole state is in cells that can be copied.
+    """A tree whose complete state is stored in cells. The cells can be copied.
 
     The flat tree is made from a tree of py_trees. It uses the same behaviours, and calls the leaves in the same order.
 
@@ -41,7 +41,7 @@ class FlatTree:
         return Ticker(vec[i32](self._layout.cells), list(self._layout.values), times)
 
     def renumber(self, ticker: Ticker) -> None:
-        """Reduce the stored numbers of writes to entries, so that equivalent states become equal.
+        """Replace the stored numbers of writes by small numbers, so that equivalent states become equal.
 
         A node that waits for a write compares the entry's number of writes with a stored number. Both grow without
         limit, but only their equality matters.
@@ -62,7 +62,7 @@ class FlatTree:
             board.restamp(name, stamp)
 
     def copy_shared_statuses(self, ticker: Ticker) -> None:
-        """Copy the statuses of nodes that share a status cell to their own cells."""
+        """For each node that shares the status cell of another node, copy the status to its own cell."""
         cells = ticker.cells
         for node in self._shared:
             cells[node.index] = cells[node.status_cell]
@@ -77,7 +77,7 @@ def children_of(behaviour: Any) -> list[Any]:
 def flat_tree(
     root: Any, node_of: Callable[[NodeBuilder], TreeNode], below: Callable[[Any], list[Any]] = children_of
 ) -> FlatTree:
-    """Convert a tree to flat form.
+    """Convert a tree of behaviours to a `FlatTree`.
 
     Args:
         root: The root of the tree, after its setup.

@@ -20,7 +20,7 @@ _INVALID: Final[Any] = Status.INVALID
 
 
 class CellLayout:
-    """The cells of a tree while its nodes are built.
+    """The cells of a tree that is being built. Each new node adds its cells.
 
     Attributes:
         cells: The initial values of the numeric cells; the first cells are the statuses of the nodes.
@@ -88,12 +88,12 @@ class NodeBuilder:
         return len(values) - 1
 
     def watch_entry(self, entry: Any, cell: int) -> None:
-        """Register the cell that stores an entry's number of writes at the node's last check."""
+        """Register a cell that stores how often an entry had been written when the node last checked the entry."""
         self.layout.watched.append((entry, cell))
 
 
 class TreeNode:
-    """A node of the kernel. It defines how its behaviour is ticked and stopped.
+    """A node of the kernel. It ticks and stops one behaviour of py_trees.
 
     Args:
         part: The builder.
@@ -130,20 +130,20 @@ class TreeNode:
         self._of_tick = part.of_tick
 
     def tick(self, ticker: "Ticker") -> int:
-        """Tick the node if one call is enough, and return the outcome; otherwise request a tick, and return CALLED."""
+        """Tick the node in this call and return the outcome, or request a tick from the ticker and return CALLED."""
         ticker.called = self
         return CALLED
 
     def branch_count(self, ticker: "Ticker") -> int:  # noqa: ARG002
-        """Return the number of possible continuations of the next tick, if known in advance. This saves time only."""
+        """Return in how many ways the next tick may continue, or 1 if this is not known. Only saves time."""
         return 1
 
     def begin(self, ticker: "Ticker") -> int:
-        """Begin a tick; return the node's outcome, or CALLED if a child's `tick` has returned CALLED."""
+        """Begin a tick. Return the node's outcome, or CALLED if the `tick` of a child has returned CALLED."""
         raise NotImplementedError
 
     def resume(self, ticker: "Ticker", outcome: int) -> int:
-        """Continue a tick after a child.
+        """Continue a tick after a child was ticked.
 
         Args:
             ticker: The ticker.
@@ -155,21 +155,21 @@ class TreeNode:
         raise NotImplementedError
 
     def break_off(self, ticker: "Ticker") -> None:
-        """Reset the cells that are used only during a tick, after an error has aborted the tick."""
+        """After an error has aborted a tick, reset the cells that are used only during a tick."""
         cells = ticker.cells
         for cell in self._of_tick:
             cells[cell] = 0
 
     def stop(self, ticker: "Ticker") -> None:
-        """Stop the node like `Behaviour.stop(Status.INVALID)`, independent of its status."""
+        """Stop the node, whatever its status is, in the same way as `Behaviour.stop(Status.INVALID)`."""
         ticker.stop(self)
 
     def stop_first(self, ticker: "Ticker") -> "list[TreeNode]":
-        """Begin to stop a node with children; return the children to stop, in reverse order."""
+        """Begin to stop a node with children. Return the children that must be stopped, in reverse order."""
         raise NotImplementedError
 
     def stop_last(self, ticker: "Ticker") -> None:
-        """Complete the stop of a node after its children were stopped."""
+        """Finish stopping a node with children, after these children were stopped."""
         raise NotImplementedError
 
     def reset_cells(self, ticker: "Ticker") -> None:
@@ -194,7 +194,7 @@ class TreeNode:
 
 
 class ChildlessNode(TreeNode):
-    """A node without children. It is ticked in one call, unless all nodes are ticked step by step."""
+    """A node without children. Except in step-by-step mode, `tick` completes its tick in one call."""
 
     def tick(self, ticker: "Ticker") -> int:
         """Tick the node."""
@@ -211,10 +211,10 @@ class ChildlessNode(TreeNode):
 
 
 class ChoosingNode(TreeNode):
-    """A node without children whose tick may have several possible continuations."""
+    """A node without children whose tick may continue in several ways."""
 
     def tick(self, ticker: "Ticker") -> int:
-        """Tick the node if its tick has only one possible continuation, otherwise request a tick."""
+        """Tick the node if the tick can continue in only one way. Otherwise request a tick."""
         return super().tick(ticker) if self.branch_count(ticker) > 1 else self.begin(ticker)
 
 
@@ -295,7 +295,7 @@ class Ticker:
             raise
 
     def reach(self, node: TreeNode) -> None:
-        """Prepare a node before it is ticked or stopped; the ticker of a live tree synchronises the behaviour."""
+        """Prepare a node for a tick or a stop. The ticker of a live tree copies the behaviour's status here."""
 
     def stop(self, node: TreeNode) -> None:
         """Stop a node with children, and its descendants."""
@@ -323,7 +323,7 @@ class Ticker:
             self.visits = visits
 
     def number_of(self, behaviour: Any, result: Any) -> int:
-        """Convert the result of `update()` to the number of a status; log a result that is not a status as INVALID.
+        """Convert the result of `update()` to a status number. Log any other result, and treat it as INVALID.
 
         Raises:
             NoStatusError: If the ticker is strict, and the result is not a status.
@@ -347,7 +347,7 @@ class Ticker:
 
 
 def reset(child: TreeNode, ticker: Ticker) -> None:
-    """Halt a child that is running; only reset the outcome of any other child."""
+    """Halt a child if it is running. Otherwise only reset the outcome of the child."""
     status = ticker.cells[child.status_cell]
     if status == RUNNING:
         child.stop(ticker)
@@ -362,7 +362,7 @@ def reset_all(children: list[TreeNode], ticker: Ticker) -> None:
 
 
 def running_children(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]:
-    """Return the running children in reverse order, and reset the outcomes of the others."""
+    """Return the running children in reverse order, and reset the outcomes of all other children."""
     found: list[TreeNode] = []
     for child in children:
         status = ticker.cells[child.status_cell]
@@ -375,7 +375,7 @@ def running_children(children: list[TreeNode], ticker: Ticker) -> list[TreeNode]
 
 
 class OwnNode(TreeNode):
-    """A node that follows BehaviorTree.CPP's rules: it resets its children when it has ended.
+    """A node that follows the rules of BehaviorTree.CPP. It resets its children when it has ended.
 
     In BehaviorTree.CPP, only a running node can be halted, and an ended node keeps some state, such as the turn of a
     RoundRobin. py_trees' composites stop ended children before a restart. For a node of this class, this only resets the outcome.
@@ -397,7 +397,7 @@ class OwnNode(TreeNode):
         return status == INVALID or (status != RUNNING and not self.is_reset)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Reset the node's cells; return its running children, and reset the outcomes of the others."""
+        """Reset the node's cells, return its running children, and reset the outcomes of all other children."""
         if ticker.cells[self.status_cell] != RUNNING:
             self.reset_outcome(ticker)
             return []
@@ -410,12 +410,12 @@ class OwnNode(TreeNode):
         ticker.cells[self.status_cell] = INVALID
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
-        """Tick a child, and continue after its tick; return the outcome of the node, or CALLED."""
+        """Tick a child, and continue the tick of this node. Return the outcome of this node, or CALLED."""
         outcome = child.tick(ticker)
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
     def set_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Set the node's status to an outcome, unless it is SKIPPED; return the outcome."""
+        """Return an outcome. Unless the outcome is SKIPPED, also set the node's status to it."""
         if outcome != SKIPPED:
             ticker.cells[self.status_cell] = outcome
         return outcome
@@ -428,22 +428,22 @@ class OwnNode(TreeNode):
 
 
 class ControlNode(OwnNode):
-    """A node with several children. The node also sets py_trees' current child."""
+    """A node with several children. It also sets the `current_child` of its py_trees behaviour."""
 
     def tick_child(self, child: TreeNode, ticker: Ticker) -> int:
-        """Make a child the current child and tick it; return the outcome of the node, or CALLED."""
+        """Make a child the current child, and tick it. Return the outcome of this node, or CALLED."""
         if ticker.tells:
             self.behaviour.current_child = child.behaviour
         return super().tick_child(child, ticker)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Reset the node's cells and current child; return the running children, and reset the others."""
+        """Reset the node's cells and current child, return the running children, and reset all other children."""
         self.behaviour.current_child = None
         return super().stop_first(ticker)
 
 
 class OneChildNode(ControlNode):
-    """A control that ticks one child at a time: `next_child` selects it, `on_child_outcome` handles the outcome.
+    """A control that ticks one child after another. `next_child` selects the child to tick.
 
     Args:
         part: The builder.
@@ -464,7 +464,7 @@ class OneChildNode(ControlNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue after the current child; the outcome INVALID means that the child has to be ticked."""
+        """Continue after the current child. The outcome INVALID means that this child must still be ticked."""
         behaviour, children = self.behaviour, self.children
         while True:
             if outcome == INVALID:
@@ -482,21 +482,21 @@ class OneChildNode(ControlNode):
                 return outcome
 
     def next_child(self, ticker: Ticker) -> int:
-        """Return the index of the next child; -1 if no child is left."""
+        """Return the index of the next child, or -1 if no child is left."""
         index = ticker.cells[self.position]
         return index if index < len(self.children) else -1
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Handle the outcome of the current child; return the node's outcome if it is decided, otherwise INVALID."""
+        """Process the current child's outcome. Return this node's outcome, or INVALID if it is undecided."""
         raise NotImplementedError
 
     def end(self, ticker: Ticker) -> int:
-        """End the node after the last child; return the node's outcome."""
+        """End the node after the last child, and return the node's outcome."""
         raise NotImplementedError
 
 
 class DecoratorNode(OwnNode):
-    """A decorator: `begin` decides whether to tick the child, and `on_child_outcome` converts the child's outcome."""
+    """A decorator. `begin` decides whether to tick the child, and `on_child_outcome` converts the outcome."""
 
     def __init__(self, part: NodeBuilder) -> None:
         super().__init__(part)
@@ -508,18 +508,18 @@ class DecoratorNode(OwnNode):
         return self.tick_child(self.child, ticker)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue the tick after the child was ticked; reset the child if it has ended."""
+        """Continue the tick after the child was ticked. If the child has ended, reset it."""
         if outcome & ENDED:
             self.child.reset_outcome(ticker)
         return self.on_child_outcome(ticker, outcome)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Convert the child's outcome to the node's outcome; by default, return the same outcome."""
+        """Convert the child's outcome to the node's outcome. By default, both are equal."""
         return self.set_outcome(ticker, outcome)
 
 
 def is_reset(behaviour: Any) -> bool:
-    """Return whether a node's parent resets the node to INVALID before a restart; parents of py_trees do not.
+    """Return whether the parent of a node resets the node to INVALID. Composites of py_trees do not.
 
     A node's status alone does not show whether a tick starts the node; the parent matters, too. BehaviorTree.CPP starts a node that is
     IDLE. Its controls and decorators reset their children to IDLE (here INVALID) when they themselves have ended. A child with SUCCESS or

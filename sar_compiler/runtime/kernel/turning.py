@@ -1,4 +1,4 @@
-"""Decorators of BehaviorTree.CPP that convert or store the outcome of their child, or prevent its start."""
+"""Decorators of BehaviorTree.CPP that convert or store the outcome of their child, or prevent the child's start."""
 
 from typing import Any
 
@@ -49,7 +49,7 @@ class RunOnceNode(DecoratorNode):
         self.final = part.cell(INVALID, keeps=True)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, unless it has ended before."""
+        """Tick the child. If it has ended before, return the stored outcome or SKIPPED instead."""
         then_skip, final = self.behaviour.then_skip.get(), ticker.cells[self.final]
         if final == INVALID:
             return super().begin(ticker)
@@ -57,14 +57,14 @@ class RunOnceNode(DecoratorNode):
         return SKIPPED if then_skip else self.set_outcome(ticker, final)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Store the child's outcome if it has ended."""
+        """Return the child's outcome. If the child has ended, also store the outcome."""
         if outcome & ENDED:
             ticker.cells[self.final] = ticker.cells[self.status_cell] = outcome
         return outcome
 
 
 class GuardedNode(DecoratorNode):
-    """A decorator that checks whether its child may start. There is no check while the child runs.
+    """A decorator that checks whether its child may start. It does not check while the child is running.
 
     Attributes:
         child_runs: The cell that contains 1 while the child runs.
@@ -90,11 +90,11 @@ class GuardedNode(DecoratorNode):
         raise NotImplementedError
 
     def blocked_outcome(self) -> int:
-        """Return the outcome if the child may not start."""
+        """Return the node's outcome for the case that the child may not start."""
         raise NotImplementedError
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return the child's outcome, and store whether the child runs."""
+        """Return the child's outcome, and store whether the child is still running."""
         ticker.cells[self.child_runs] = int(outcome == RUNNING)
         return self.set_outcome(ticker, outcome)
 
@@ -115,12 +115,12 @@ class PreconditionNode(GuardedNode):
         return bool(self.script.holds())
 
     def blocked_outcome(self) -> int:
-        """Return the configured outcome for a false condition."""
+        """Return the outcome that the node is configured to return if the condition is false."""
         return number_of(self.behaviour.else_.get().status) or SKIPPED
 
 
 class UpdateGuardNode(GuardedNode):
-    """A decorator whose child may start if an entry was written since the last check.
+    """A decorator whose child may start if a blackboard entry was written since the last check.
 
     Attributes:
         seen: The cell that stores the entry's number of writes at the last check.
@@ -141,18 +141,18 @@ class UpdateGuardNode(GuardedNode):
         return is_news(self.entry, self.seen, ticker)
 
     def blocked_outcome(self) -> int:
-        """Return the outcome if the entry was not written."""
+        """Return the node's outcome for the case that the entry was not written."""
         return self.unless_written
 
 
 def watched_entry(behaviour: Any) -> Any:
-    """Return the entry that a behaviour checks: the port's entry, or the entry whose key is the port's constant."""
+    """Return the entry that a behaviour checks. A port with a constant contains the key of this entry."""
     port = behaviour.entry
     return port.entry or behaviour.scope.resolve(str(port.get()))
 
 
 def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
-    """Return whether an entry was written since the last check; store the entry's current number of writes.
+    """Return whether an entry was written since the last check, and store its current number of writes.
 
     Args:
         entry: The entry.
@@ -167,7 +167,7 @@ def is_news(entry: Any, seen: int, ticker: Ticker) -> bool:
 
 
 class ConditionsNode(DecoratorNode):
-    """A node for the pre- and postconditions of its child; both nodes share one status.
+    """A node for the pre- and postconditions of its child. Both nodes have the same status.
 
     Attributes:
         runs_after: Whether there are postconditions.
@@ -189,14 +189,14 @@ class ConditionsNode(DecoratorNode):
         self.was_running = False
 
     def tick(self, ticker: Ticker) -> int:
-        """Tick the node in one call if its child is a leaf, unless all nodes are ticked step by step."""
+        """Tick the node. Except in step-by-step mode, one call completes the tick if the child is a leaf."""
         if self.has_children or ticker.by_step:
             return super().tick(ticker)
         ticker.reach(self)
         return self.begin(ticker)
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the child, unless a precondition decides the outcome."""
+        """Check the preconditions. If none of them determines the outcome, tick the child."""
         outcome = self.check_preconditions(ticker)
         return (
             self.tick_child(self.child, ticker)
@@ -205,7 +205,7 @@ class ConditionsNode(DecoratorNode):
         )
 
     def check_preconditions(self, ticker: Ticker) -> int:
-        """Return the outcome that a precondition determines; return INVALID if the child has to be ticked."""
+        """Return the outcome that a precondition determines, or INVALID if the child has to be ticked."""
         behaviour, status = self.behaviour, ticker.cells[self.status_cell]
         if status == RUNNING:
             if self.goes_on is None or self.goes_on.holds():
@@ -224,27 +224,27 @@ class ConditionsNode(DecoratorNode):
         return INVALID
 
     def report_decision(self, message: str, outcome: int) -> int:
-        """Set the feedback message, and return the outcome."""
+        """Set the feedback message to *message*, and return *outcome*."""
         self.behaviour.feedback_message, self.has_message = message, True
         return outcome
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Continue the tick after the child was ticked. The child is not reset, because it has the same status."""
+        """Continue the tick after the child was ticked. Do not reset the child, because it shares the status."""
         return self.on_child_outcome(ticker, outcome)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Run the postconditions if the outcome ends the node; return the outcome."""
+        """If the outcome ends the node, run the postconditions. Return the outcome."""
         if self.runs_after and outcome & ENDED:
             self.behaviour.run_after(outcome)
         return self.set_outcome(ticker, outcome)
 
     def write_status(self, cells: vec[i32]) -> None:
-        """Set the behaviour's status if a precondition has determined it; otherwise, the child's node sets the status."""
+        """Set the behaviour's status if a precondition determined it. Otherwise, the child's node sets it."""
         if self.has_message:
             super().write_status(cells)
 
     def reset_outcome(self, ticker: Ticker) -> None:
-        """Reset the outcome of the node and its child."""
+        """Reset the outcomes of the node and of its child."""
         super().reset_outcome(ticker)
         self.child.reset_outcome(ticker)
 
@@ -254,7 +254,7 @@ class ConditionsNode(DecoratorNode):
         return super().stop_first(ticker)
 
     def stop_last(self, ticker: Ticker) -> None:
-        """Run the postconditions for a halt, if the node was running."""
+        """If the node was running, run its postconditions for a halt."""
         if self.was_running:
             self.behaviour.run_after(INVALID)
         super().stop_last(ticker)

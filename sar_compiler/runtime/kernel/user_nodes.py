@@ -1,4 +1,4 @@
-"""The kernel's nodes for users' controls and decorators, whose methods `begin` and `resume` choose the next child."""
+"""The kernel's nodes for user-written controls and decorators, whose `begin` and `resume` choose a child."""
 
 from typing import Any, Final
 
@@ -27,7 +27,7 @@ _COLLECTIONS: Final = (list, dict, set)
 
 
 class Claim:
-    """Checks whether a node behaves as the declaration of its class says.
+    """Checks whether a node behaves as its class has declared.
 
     Args:
         outcomes: The allowed outcomes of a tick, as a bit set of their numbers.
@@ -41,7 +41,7 @@ class Claim:
         self._deny = deny
 
     def check_outcome(self, node: TreeNode, outcome: int) -> None:
-        """Check whether the declaration allows an outcome."""
+        """Check whether the class declaration allows an outcome of the node."""
         if not self.outcomes >> outcome & 1:
             listed = ", ".join([word for number, word in enumerate(WORDS) if self.outcomes >> number & 1])
             self._deny(
@@ -50,7 +50,7 @@ class Claim:
             )
 
     def check_order(self, node: TreeNode, place: int, before: int) -> None:
-        """Check whether the declaration allows a node to tick another child after the previous child's outcome."""
+        """Check whether the class declaration allows the node to tick the next child after this outcome."""
         if self.goes_on and before not in (self.goes_on, SKIPPED):
             child, former = node.children[place].behaviour, node.children[place - 1].behaviour
             what = f"ticked '{child.name}' although '{former.name}' had returned {WORDS[before]}"
@@ -60,7 +60,7 @@ class Claim:
 
 
 class UserNode(OwnNode):
-    """A control or decorator whose behaviour has `begin` and `resume`.
+    """A control or decorator whose behaviour defines the methods `begin` and `resume`.
 
     The node's state is in the cells that the behaviour has added, the index of the current child, and a timer. When the node ends or is
     halted, the children are reset and the cells get their initial values again.
@@ -91,7 +91,7 @@ class UserNode(OwnNode):
         return self.resume(ticker, INVALID)
 
     def resume(self, ticker: Ticker, outcome: int) -> int:
-        """Call the behaviour's `resume`, or `begin` if *outcome* is INVALID; tick the child that the call returns."""
+        """Call the behaviour's `resume`, or `begin` if *outcome* is INVALID. Tick the child that it returns."""
         behaviour, tick = self.behaviour, self._tick
         before = self._attributes(ticker)
         tick.ticker = ticker
@@ -110,7 +110,7 @@ class UserNode(OwnNode):
                 return CALLED
 
     def _child(self, place: int, ticker: Ticker) -> TreeNode:
-        """Return a child to tick; reset the child's outcome if the child has ended before."""
+        """Return the child at an index for a tick. If the child ended before, reset its outcome first."""
         cells, child = ticker.cells, self.children[place]
         cells[self.in_hand] = place
         if self._has_current:
@@ -120,7 +120,7 @@ class UserNode(OwnNode):
         return child
 
     def _apply_outcome(self, ticker: Ticker, answer: Any, method: str) -> int:
-        """Apply and return the outcome that the behaviour has returned; all outcomes except RUNNING end the node."""
+        """Apply and return the outcome returned by the behaviour. Every outcome except RUNNING ends the node."""
         outcome = number_of(answer)
         if outcome == INVALID:
             if answer is not _INVALID:
@@ -134,13 +134,13 @@ class UserNode(OwnNode):
         return self.finish(ticker, outcome)
 
     def stop_first(self, ticker: Ticker) -> list[TreeNode]:
-        """Reset the node's cells and current child; return the running children, and reset the others."""
+        """Reset the node's cells and current child, return the running children, and reset all other children."""
         if self._has_current:
             self.behaviour.current_child = None
         return super().stop_first(ticker)
 
     def _attributes(self, ticker: Ticker) -> Any:
-        """Return a copy of the behaviour's attributes while `verify` explores all runs; None in a live tree."""
+        """Return a copy of the behaviour's attributes, or None in a live tree, which needs no check."""
         if ticker.is_live:
             return None
         found: dict[str, Any] = {}
@@ -150,7 +150,7 @@ class UserNode(OwnNode):
         return found
 
     def _compare(self, before: dict[str, Any]) -> None:
-        """Check that the behaviour stores no state in attributes, because only the state in its cells can be restored.
+        """Check that no attribute of the behaviour has changed, because only the state in cells can be restored.
 
         Raises:
             UnsteadyError: If an attribute has changed.
@@ -184,24 +184,24 @@ class Tick:
         return self.ticker.values[self._node.own[cell.number]]
 
     def __setitem__(self, cell: Any, value: Any) -> None:
-        """Set the value of a cell; the value must be hashable."""
+        """Set the value of a cell. The value must be hashable."""
         hash(value)
         self.ticker.values[self._node.own[cell.number]] = value
 
     @property
     def child_index(self) -> int:
-        """The index of the child that was ticked last; 0 at the start."""
+        """The index of the child that was ticked last, or 0 if no child was ticked yet."""
         place: int = self.ticker.cells[self._node.in_hand]
         return place
 
     def halt(self, child: Any) -> None:
-        """Halt a child that is running; reset the outcome of any other child."""
+        """Halt a child if it is running. Otherwise only reset the outcome of the child."""
         reset(self._node.children[self._node._places[id(child)]], self.ticker)
 
     def start_timer(self, seconds: float) -> None:
-        """Start the node's timer with a duration in seconds of the node's `clock`."""
+        """Start the node's timer with a duration in seconds, as measured by the node's `clock`."""
         self._node.timer.start(seconds, self.ticker)
 
     def time_is_up(self) -> bool:
-        """Return whether the node's timer has expired; return False if the timer was not started."""
+        """Return True if the node's timer was started and has expired."""
         return self._node.timer.is_up(self.ticker)
