@@ -190,7 +190,7 @@ class EngineParent(EngineBehaviour):
         return added
 
     def insert_leaf(self, leaf: Behaviour) -> None:
-        """Insert a leaf that represents the world around the node, before the children."""
+        """Insert a leaf before the children. The leaf represents the world around the node."""
         self.children.insert(0, leaf)
         leaf.parent = self
 

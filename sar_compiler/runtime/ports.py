@@ -21,11 +21,11 @@ T = TypeVar("T")
 D = TypeVar("D")
 
 Convert = Callable[[object], Any]
-"""A function that converts a value on the blackboard to a port's value, or raises `ValueError`."""
+"""A function that converts a blackboard value to a port's value. It raises `ValueError` if this is impossible."""
 
 
 class PortError(SarError):
-    """A port cannot be read or written, because the key has no value, the value is invalid, or it is a constant.
+    """An error: a port cannot be read or written. Its key may have no value or a wrong one, or it is a constant.
 
     Attributes:
         port: The port's name; empty if it is not known.
@@ -39,7 +39,7 @@ class PortError(SarError):
 
 
 class Input(Generic[T]):
-    """A value that a node reads.
+    """A port: a value that a node reads.
 
     Args:
         source: The entry to read, or a constant.
@@ -102,7 +102,7 @@ class Input(Generic[T]):
 
 
 class Output(Generic[T]):
-    """A value that a node writes.
+    """A port: a value that a node writes.
 
     Args:
         entry: The entry to write; None if the tree file names no key. Values are then discarded.
@@ -125,10 +125,10 @@ class Output(Generic[T]):
 
 
 class InOut(Input[T]):
-    """A value that a node reads and writes: an entry of the blackboard, or a constant, which can only be read."""
+    """A port: a value that a node reads and writes. If the port is a constant, the node can only read it."""
 
     def set(self, value: T) -> None:
-        """Write the value, like `Output.set`.
+        """Write the value in the same way as `Output.set`.
 
         Raises:
             PortError: If the port is a constant.

@@ -1,4 +1,4 @@
-"""The items of a loop's queue."""
+"""Read the items of the queue over which a loop node iterates."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -12,7 +12,7 @@ _LABELS = {int: "an integer", float: "a number", bool: "true or false", str: "a 
 
 
 class QueueError(NodeError):
-    """The value of a loop's queue is not a list or string of items, or an item has the wrong type."""
+    """An error: the queue of a loop node is not a list or string of items, or an item has the wrong type."""
 
 
 def queue_items(queue: object, kind: type) -> list[Any]:

@@ -1,4 +1,4 @@
-"""The parser of scripts, which are found in the attribute `code` of `<Script>` and in pre- and postconditions.
+"""The parser for scripts: the attribute `code` of `<Script>`, and pre- and postconditions.
 
 The parser uses precedence climbing with the ranks of BehaviorTree.CPP 4. A higher rank binds tighter:
 
@@ -116,12 +116,12 @@ def parse(text: str, *, allow_empty: bool = False) -> Script:
 
 @functools.cache
 def _simple_pattern() -> re.Pattern[str]:
-    """Return the pattern of simple scripts. The pattern is compiled only when a file contains scripts."""
+    """Return the pattern that simple scripts match. It is compiled only when a file contains scripts."""
     return re.compile(_SIMPLE, re.VERBOSE)
 
 
 def _parse_simple(text: str) -> Expression | None:
-    """Parse a script that consists of a variable, an operator and a value; return None for any other script."""
+    """Parse a script with one variable, one operator and one value. Return None for any other script."""
     match = _simple_pattern().fullmatch(text)
     if match is None:
         return None
@@ -144,7 +144,7 @@ def _parse_simple(text: str) -> Expression | None:
 
 
 class _ScriptParser:
-    """The parser of one script; `script` may be called once."""
+    """The parser of one script. Its method `script` may be called only once."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -170,7 +170,7 @@ class _ScriptParser:
         return Script(self._text, tuple(statements))
 
     def _previous(self, count: int = 1) -> Token | None:
-        """Return the token that is *count* positions before the next token; None if there is no such token."""
+        """Return the token *count* positions before the next token, or None if there is no such token."""
         return self._tokens[self._index - count] if self._index >= count else None
 
     def _advance(self) -> Token:
@@ -195,11 +195,11 @@ class _ScriptParser:
         return self._tokens[self._index - 1].end if self._index else 0
 
     def _rank(self) -> int:
-        """Return the rank of the next token if it is an operator, otherwise -1."""
+        """Return the precedence of the next token if this token is an operator, and otherwise -1."""
         return _RANKS.get(self._next.text, -1)
 
     def _expression(self, least: int) -> Expression:
-        """Parse an expression whose operators have at least the rank *least*."""
+        """Parse an expression that contains only operators with at least the precedence *least*."""
         start = self._next.start
         self._depth += 1
         if self._depth > MAX_DEPTH:
@@ -283,7 +283,7 @@ class _ScriptParser:
         return Operation(first, tuple(steps), start=start, end=self._end)
 
     def _check_name(self, name: Token) -> None:
-        """Raise an error if the last name was probably meant as the operator `not` or as a function."""
+        """Raise an error if a name was probably intended as the operator `not` or as a function."""
         following = self._next
         opens = following.kind is _SIGN and following.text in {"(", "!", "~"}
         if name.text == "not" and (opens or following.kind in {_NAME, _LITERAL}):
@@ -294,7 +294,7 @@ class _ScriptParser:
             raise ScriptError(message, name.start, following.end, hint=hint)
 
     def _refuse_word(self) -> None:
-        """Raise an error for `and` or `or` after an expression, where no variable can occur."""
+        """Raise an error if the next token is `and` or `or`, used as an operator after an expression."""
         word = self._next
         if word.kind is not _NAME or word.text not in _WORDS:
             return
@@ -325,7 +325,7 @@ class _ScriptParser:
         return ScriptError(message, sign.start, sign.end)
 
     def _other_operator(self, before: Token, token: Token) -> ScriptError | None:
-        """Return the error for two tokens that form an operator of another language; None for other tokens."""
+        """Return the error for two tokens that form an operator of another language, or None for other tokens."""
         signs = (before.text, token.text)
         if before.end != token.start or token.kind is not _SIGN:
             return None
@@ -338,7 +338,7 @@ class _ScriptParser:
 
 
 def _check_depth(statement: Expression) -> None:
-    """Raise an error for a statement with too many levels of evaluation: `((a * b + c) * d + e) * ...`."""
+    """Raise an error if the expressions of a statement are nested too deeply: `((a * b + c) * d + e) * ...`."""
     level: tuple[Expression, ...] = (statement,)
     for _ in range(MAX_DEPTH):
         level = tuple(part for expression in level for part in children(expression))
@@ -353,7 +353,7 @@ def _too_deep(start: int, end: int) -> ScriptError:
 
 
 def _explain_misplaced(token: Token) -> ScriptError:
-    """Return the error for a token that cannot begin an expression."""
+    """Return the error for a token at a position where an expression must begin."""
     if token.text == ")":
         return ScriptError("this ')' has no '('", token.start, token.end)
     if token.text == ":":

@@ -1,4 +1,4 @@
-"""Generate Python functions from scripts. The functions handle numbers and strings in existing entries.
+"""Generate fast Python functions from scripts. They handle the common cases: numbers and strings in existing entries.
 
 `evaluation` defines the meaning of scripts and reports their errors. The generated functions are faster, because they
 make no calls for most operators and entries. In uncommon cases, the fast path of a statement raises one of
@@ -35,10 +35,10 @@ from sar_compiler.runtime.variables import (
 )
 
 FALLBACK_ERRORS = (KeyError, ArithmeticError, VariableError)
-"""The errors of a statement's fast path after which `evaluation` evaluates the statement."""
+"""If the fast path of a statement raises one of these errors, `evaluation` evaluates the statement."""
 
 _LONGEST = 1_000
-"""The maximum length of a script for which code is generated, in characters."""
+"""Code is generated only for scripts with at most this number of characters."""
 
 _ARITHMETIC: Mapping[str, Callable[[], ast.operator]] = {
     "+": ast.Add,
@@ -62,7 +62,7 @@ def compile_fast_script(
     condition: Callable[[ScriptValue], bool] | None = None,
     answers: tuple[object, object] | None = None,
 ) -> Callable[[], Any] | None:
-    """Return a function that evaluates a script; None if the script is too long.
+    """Return a function that evaluates a script, or None if the script is too long.
 
     Args:
         script: The script.
@@ -86,17 +86,17 @@ def compile_fast_script(
 
 
 class _Return(NamedTuple):
-    """The form of the result of a script's function."""
+    """How the generated function of a script returns the result."""
 
     is_condition: bool
     has_answers: bool
 
     def from_condition(self, holds: ast.expr) -> ast.expr:
-        """Return the code of the result for the code of a bool."""
+        """Return the code for the result, given the code for a bool."""
         return ast.IfExp(holds, _load("then"), _load("otherwise")) if self.has_answers else holds
 
     def from_given(self) -> ast.expr:
-        """Return the code that converts the value of the variable `given` to the result."""
+        """Return the code that converts the variable `given` to the result."""
         given = _load("given")
         if self.is_condition:
             return self.from_condition(_call("condition", given))
@@ -107,7 +107,7 @@ class _Return(NamedTuple):
 def _function_of(
     statements: Sequence[SkeletonPart | None], names: int, constants: int, ending: _Return
 ) -> types.FunctionType:
-    """Return a factory for the functions of all scripts with the same skeleton.
+    """Return a factory function, which creates the function of each script with this skeleton.
 
     The factory's arguments are the dictionaries of the board, the named constants, the function that converts a value to a bool, the
     results for true and for false, the fallback of each statement, the names of the entries, the constants, and the constants converted to
@@ -140,7 +140,7 @@ def _body(statements: Sequence[SkeletonPart | None], ending: _Return) -> list[as
 
 
 class _FastPath:
-    """The generator of the code for one statement.
+    """Generates the code for one statement.
 
     Attributes:
         reads: The code that reads the entries and precomputes values, which precedes the other code.
@@ -170,7 +170,7 @@ class _FastPath:
         return [*self.reads, given, *_write(f"name{target.number}", kind, creates=part.sign == ":=")]
 
     def value_code(self, part: SkeletonPart) -> ast.expr:
-        """Return the code for the value of a part."""
+        """Return the code for the value of a part of a script."""
         if isinstance(part, VariableSlot):
             return self._read(part, "value", (float, int, str), "seen")
         if isinstance(part, ConstantSlot):
@@ -183,7 +183,7 @@ class _FastPath:
         return self.real(part) if _is_number(part) else self._operator_code(part)
 
     def real(self, part: SkeletonPart) -> ast.expr:
-        """Return the code for the value of a part that must be a number."""
+        """Return the code for the value of a part of a script that must be a number."""
         if isinstance(part, VariableSlot):
             return self._read(part, "number", (float,), "number_seen")
         if isinstance(part, ConstantSlot) and part.kind is float:
@@ -197,7 +197,7 @@ class _FastPath:
         return _call("as_real", self.value_code(part))
 
     def truth_code(self, part: SkeletonPart) -> ast.expr:
-        """Return the code for the truth of a part."""
+        """Return the code for the truth value of a part of a script."""
         if isinstance(part, Chain) and part.signs[0] in _JUNCTIONS:
             return self._fold(
                 part, self.truth_code, lambda sign, *two: ast.BinOp(two[0], _JUNCTIONS[sign](), two[1])
@@ -221,12 +221,12 @@ class _FastPath:
     def _flag(
         self, part: VariableSlot, quick: Callable[[ast.expr], ast.expr], otherwise: ast.expr
     ) -> ast.expr:
-        """Return the code for a variable: *quick* if the value is a bool, which is likely, and *otherwise* if not."""
+        """Return the code for a variable that is probably a bool. It uses *quick* for a bool, and else *otherwise*."""
         raw = self._raw(part)
         return ast.IfExp(_is_of_type(raw, bool), quick(raw), otherwise)
 
     def _raw(self, part: VariableSlot) -> ast.expr:
-        """Return the code for the unconverted value in a variable's entry."""
+        """Return the code for the unconverted blackboard value of a variable."""
         return self._read(part, "raw", ())
 
     def _choice(self, part: SkeletonPart) -> ast.expr:
@@ -241,7 +241,7 @@ class _FastPath:
         return folded
 
     def _operator_code(self, part: Applied | Chain) -> ast.expr:
-        """Return the code for operators without a fast path. Their operands are bits, or may be strings."""
+        """Return the code for operators that have no fast path, because they accept bits or strings."""
         if isinstance(part, Applied):
             return _call("complement", self.value_code(part.operands[0]))
         folded = self.value_code(part.operands[0])
@@ -264,7 +264,7 @@ class _FastPath:
         return _conjunction([_usual_comparison(*each) for each in compared])
 
     def _comparison(self, sign: str, left: SkeletonPart, right: SkeletonPart) -> ast.expr:
-        """Return the code for a comparison, with a fast path for two numbers, and for a variable and a string."""
+        """Return the code for a comparison. Numbers, and a variable and a string, have a fast path."""
         parts, kind = (left, right), str if _is_text(left) or _is_text(right) else float
         is_known = _is_text if kind is str else _is_number
         if not all(isinstance(each, VariableSlot) or is_known(each) for each in parts):
@@ -284,7 +284,7 @@ class _FastPath:
         )
 
     def _side(self, part: SkeletonPart) -> ast.expr:
-        """Return the code for one side of a comparison. This code may be used more than once."""
+        """Return the code for one side of a comparison. The caller may use this code more than once."""
         if isinstance(part, VariableSlot):
             return self._raw(part)
         return (
@@ -294,7 +294,7 @@ class _FastPath:
         )
 
     def _precompute(self, code: ast.expr) -> ast.expr:
-        """Add the code that precomputes an expression without side effects; return the code for its result."""
+        """Add code that precomputes an expression without side effects, and return the code for the result."""
         name = f"part{len(self.reads)}"
         self.reads.append(_assignment(name, code))
         return _load(name)
@@ -303,7 +303,7 @@ class _FastPath:
         return self.value_code(part) if _is_text(part) else self.real(part)
 
     def _read(self, part: VariableSlot, name: str, kinds: Sequence[type], otherwise: str = "") -> ast.expr:
-        """Return the code for a variable's value, and add the code that reads it.
+        """Add the code that reads a variable, and return the code for the value of the variable.
 
         Args:
             part: The variable.
@@ -322,7 +322,7 @@ class _FastPath:
 
 
 def _write(target: str, kind: ast.expr, *, creates: bool) -> list[ast.stmt]:
-    """Return the code that writes the value of the variable `given` to an entry; the value's type is known."""
+    """Return the code that writes the variable `given`, whose type is *kind*, to a blackboard entry."""
     held, name = _load("held"), _load(target)
     is_like = _compare(_call("type", held), ast.Is(), kind)
     fitted = _call("fitted", held, _load("kinds"), name, _load("given"), _load("enums"))
@@ -357,14 +357,14 @@ def _is_text(part: SkeletonPart) -> bool:
 
 
 def _is_truth(part: SkeletonPart) -> bool:
-    """Return whether the value of a part is always true (1.0) or false (0.0)."""
+    """Return whether a part of a script always has one of the values true (1.0) and false (0.0)."""
     if isinstance(part, Chain):
         return part.signs[0] in _JUNCTIONS or part.signs[0] in _COMPARISONS
     return isinstance(part, Applied) and part.sign == "!"
 
 
 def _is_number(part: SkeletonPart) -> bool:
-    """Return whether the value of a part is always a real number, if no error is raised."""
+    """Return whether a part of a script always has a real number as its value, unless it raises an error."""
     if isinstance(part, Chain):
         is_sum = part.signs[0] == "+" and not any(_is_real(each) for each in part.operands[:2])
         return _ARITHMETIC.keys() >= set(part.signs) and not is_sum
@@ -393,7 +393,7 @@ def _usual_comparison(sign: str, left: ast.expr, right: ast.expr) -> ast.expr:
 
 
 def _is_exact(value: ast.expr) -> ast.expr:
-    """Return the code that tests whether a value is a real number, or an integer up to `LARGEST_EXACT`."""
+    """Return the code that tests whether a value is a real number, or an integer within `LARGEST_EXACT`."""
     exact = _conjunction([_is_of_type(value, int), _is_within(value, LARGEST_EXACT)])
     return ast.BoolOp(ast.Or(), [_is_of_type(value, float), exact])
 
@@ -445,7 +445,7 @@ def _define(name: str, arguments: list[str], body: list[ast.stmt]) -> ast.stmt:
 
 
 def _read_value(content: object) -> ScriptValue:
-    """Return the value that a script reads from the content of an entry."""
+    """Convert the content of an entry to the value that a script reads."""
     if type(content) is bool:
         return int(content)
     value = value_of(content)
@@ -463,7 +463,7 @@ def _read_number(content: object) -> float:
 def _declare_entry(
     storage: Mapping[str, object], stamps: Mapping[str, int], kinds: dict[str, type | None], name: str
 ) -> tuple[object, int]:
-    """Declare an entry if it is missing; return the value, and the number of writes after the next write."""
+    """Declare a missing entry. Return its value, and the number of writes including the next one."""
     kinds.setdefault(name, None)
     return storage.get(name), stamps.get(name, 0) + 1
 
@@ -471,7 +471,7 @@ def _declare_entry(
 def _fit_value(
     current: object, kinds: Mapping[str, type | None], name: str, given: ScriptValue, enums: Mapping[str, int]
 ) -> object:
-    """Return the value to store when a script assigns a value of another type than the current value."""
+    """Convert an assigned value if its type differs from the type of the current value."""
     if type(current) is int and type(given) is float and given.is_integer() and abs(given) <= LARGEST_EXACT:
         return int(given)
     if type(current) is bool and given in {0, 1}:

@@ -1,4 +1,4 @@
-"""Skeletons of scripts. A skeleton is a script without names and constants, so similar scripts have the same skeleton."""
+"""Skeletons of scripts. A skeleton has no names and constants, so similar scripts have the same skeleton."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -16,27 +16,27 @@ from sar_compiler.runtime.variables import LARGEST_EXACT, ScriptValue
 
 
 class VariableSlot(NamedTuple):
-    """The place of a variable in a skeleton. The variable's name is `Skeleton.names[number]`."""
+    """The position of a variable in a skeleton. The variable's name is `Skeleton.names[number]`."""
 
     number: int
 
 
 class ConstantSlot(NamedTuple):
-    """A constant. `kind` is `float` for real numbers and integers up to `LARGEST_EXACT`, `int` for larger integers."""
+    """The position of a constant in a skeleton. `kind` is `int` only for integers above `LARGEST_EXACT`."""
 
     number: int
     kind: type
 
 
 class Applied(NamedTuple):
-    """A prefix operator, the operator `?:` or an assignment operator, with its operands."""
+    """A prefix operator, the operator `?:` or an assignment operator, together with the operands."""
 
     sign: str
     operands: "tuple[SkeletonPart, ...]"
 
 
 class Chain(NamedTuple):
-    """Operators of equal rank, applied from left to right; there is one more operand than operators."""
+    """Operators of equal precedence, applied from left to right, and their operands."""
 
     signs: tuple[str, ...]
     operands: "tuple[SkeletonPart, ...]"
@@ -46,11 +46,11 @@ SkeletonPart = VariableSlot | ConstantSlot | Applied | Chain
 
 
 class _InnerAssignmentError(Exception):
-    """An expression contains an assignment as one of its parts."""
+    """An error: an assignment is part of another expression."""
 
 
 class Skeleton:
-    """A script without its names and constants.
+    """A script in which slots replace all names and constants.
 
     Args:
         script: The script.

@@ -1,4 +1,4 @@
-"""The scripts of nodes: they access blackboard entries as variables, and their errors name the node."""
+"""The scripts of nodes. Blackboard entries are the variables of a script, and errors name the node."""
 
 import functools
 from collections.abc import Callable, Mapping
@@ -23,7 +23,7 @@ V = TypeVar("V")
 
 
 class NodeScriptError(NodeError):
-    """A node's script raised an error.
+    """An error: the script of a node has failed.
 
     Attributes:
         attribute: The attribute that contains the script.
@@ -39,7 +39,7 @@ class NodeScriptError(NodeError):
 
 
 class ScopeVariables:
-    """The entries of a scope as the variables of a script.
+    """Gives a script access to the entries of a scope as variables.
 
     An entry keeps its type: an assigned value is converted to this type if no precision is lost, and rejected otherwise. An entry that a
     port has declared, but no node has written, accepts any value of its type.
@@ -65,7 +65,7 @@ class ScopeVariables:
         return _as_script_value(name, self._read_entry(name))
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write an entry, and create the entry if it does not exist; return the stored value.
+        """Write an entry, which is created if it does not exist, and return the stored value.
 
         Raises:
             VariableError: If the value cannot replace the entry's value.
@@ -74,7 +74,7 @@ class ScopeVariables:
         return self.assign(name, value)
 
     def assign(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write an entry that exists or that a port has declared; return the stored value.
+        """Write an entry that exists or is declared, and return the stored value.
 
         Raises:
             UnknownVariableError: If the entry neither exists nor is declared.
@@ -102,7 +102,7 @@ class ScopeVariables:
 
 
 class NodeScript:
-    """A script of a node, which can be run in the node's scope.
+    """A script of a node. The script is run in the node's scope.
 
     Args:
         code: The script, or the blackboard entry that contains the script and is read before each run.
@@ -137,7 +137,7 @@ class NodeScript:
 
     @property
     def entry(self) -> Entry | None:
-        """The entry that the script reads, if the script uses no other entry and writes no entry; otherwise None."""
+        """The only entry that the script uses, if the script only reads this entry; otherwise None."""
         if self._code.entry is not None:
             return None
         uses = list(name_uses(self._code.get()))
@@ -159,7 +159,7 @@ class NodeScript:
         return quick()
 
     def fast_update(self, success: Status, failure: Status | None) -> Callable[[], Status] | None:
-        """Return a function that runs the compiled script and returns a status; None if there is no compiled form.
+        """Return a function that runs the compiled script and returns a status, or None if not compiled.
 
         Args:
             success: The status if the script's value is true.
@@ -172,7 +172,7 @@ class NodeScript:
         condition: Callable[[ScriptValue], bool] | None = None,
         answers: tuple[object, object] | None = None,
     ) -> Callable[[], Any] | None:
-        """Return the compiled form of the script; None if the script cannot be compiled."""
+        """Return the compiled form of the script, or None if the script cannot be compiled."""
         if self._code.entry is not None or self._scope.board.is_numbered:
             return None
         script = self._code.get()
@@ -182,14 +182,14 @@ class NodeScript:
         )
 
     def _evaluate(self, at: int) -> ScriptValue:
-        """Evaluate the statement at an index without its compiled form."""
+        """Evaluate the statement at an index without the compiled form of the script."""
         return self._explain(self._current_program().statements[at], self._variables)
 
     def _is_true(self, value: ScriptValue) -> bool:
         return self._explain(self._current_program().as_condition, value)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
-        """Run the script; if the board has numbers for values, reuse the result of a run with the same values."""
+        """Return the result of the script. Reuse a cached result for the same values if the board allows this."""
         if self._code.entry is not None or self.is_remembered:
             return self._run_or_explain(run)
         if run not in self._memos:

@@ -1,4 +1,4 @@
-"""The outcome SKIPPED, which py_trees does not have.
+"""The outcome SKIPPED, which does not exist in py_trees.
 
 A skipped node has not run, and its parent continues with the next child. In BehaviorTree.CPP, the tick returns SKIPPED, but the node keeps
 its old status. In this project, a skipped node also keeps its old status, and its attribute `skipped` is True. py_trees' own composites and
@@ -11,7 +11,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 SKIPPED = Status.INVALID
-"""The outcome "skipped". The `update` method of a leaf can return it, and this project's controls support it."""
+"""The outcome "skipped". A leaf's `update` can return this outcome, and this project's controls support it."""
 
 
 class SkippableLeaf(Behaviour):
@@ -24,7 +24,7 @@ class SkippableLeaf(Behaviour):
     skipped = False
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick once; a skipped tick leaves the status unchanged."""
+        """Tick once. A skipped tick does not change the status."""
         if self.status != Status.RUNNING:
             self.initialise()
         status = self.update()

@@ -29,7 +29,7 @@ class _OrderedComposite(OwnControl):
     memory = True
 
     def build_node(self, part: NodeBuilder) -> TreeNode:
-        """Build the node; its class depends on whether the composite has memory."""
+        """Create the node in the kernel. Its class depends on whether the composite has memory."""
         return super().build_node(part) if self.memory else ordering.ReactiveNode(part)
 
 
@@ -50,25 +50,25 @@ class Fallback(_OrderedComposite, composites.Selector):
 
 
 class AsyncSequence(Sequence):
-    """A sequence that can be interrupted between children: it returns RUNNING after a child that succeeds at once."""
+    """A sequence that can be halted between children. It returns RUNNING after a child that succeeds at once."""
 
     node_class = ordering.PausingNode
 
 
 class AsyncFallback(Fallback):
-    """A fallback that can be interrupted between children: it returns RUNNING after a child that fails at once."""
+    """A fallback that can be halted between children. It returns RUNNING after a child that fails at once."""
 
     node_class = ordering.PausingNode
 
 
 class SequenceWithMemory(AsyncSequence):
-    """An AsyncSequence that, when it is started again, begins with the child that failed or was halted."""
+    """An AsyncSequence. When it restarts, it begins with the child that failed or was halted."""
 
     keeps_place = True
 
 
 class Timeout(EngineBehaviour, decorators.Timeout):
-    """Fails if its child is still running after a time limit, measured by the mission's clock."""
+    """Fails if its child is still running after a time limit. The mission's clock measures the time."""
 
     node_class = StockTimeoutNode
 

@@ -1,4 +1,4 @@
-"""Controls, decorators and leaves that the kernel ticks, even if py_trees calls their methods.
+"""Base classes for controls, decorators and leaves. The kernel ticks them, even if py_trees calls `tick`.
 
 For each node of the kernel, py_trees uses a behaviour with a name, children and attributes (`behaviour_class`).
 """
@@ -40,10 +40,10 @@ class Control(EngineParent, Composite):
 
 
 class Decorator(EngineParent, StockDecorator):
-    """A node with one child: the constructor's argument `child`, which becomes the attribute `decorated`."""
+    """A node with one child. The constructor's argument `child` becomes the attribute `decorated`."""
 
     def begin(self, tick: "Tick") -> Behaviour | Status:  # noqa: ARG002 - for subclasses
-        """Begin a tick: return the child, which is to be ticked."""
+        """Begin a tick by returning the child, which the kernel then ticks."""
         child: Behaviour = self.decorated
         return child
 
@@ -96,7 +96,7 @@ _CLASSES: dict[type, type[Any]] = {}
 
 
 def behaviour_class(base: type[B], node_class: "type[TreeNode]") -> type[B]:
-    """Return the behaviour class for a node class of the kernel; the first call creates the class.
+    """Return the behaviour class for a node class of the kernel. The first call creates this class.
 
     Args:
         base: The base class.

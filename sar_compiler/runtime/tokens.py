@@ -52,7 +52,7 @@ _LONGEST_EXCERPT = 40
 
 
 class ScriptError(SarError):
-    """A script has a syntax error.
+    """An error: a script has wrong syntax.
 
     Attributes:
         message: The description of the error.
@@ -106,12 +106,12 @@ class Token(NamedTuple):
 
 @functools.cache
 def _token_pattern() -> re.Pattern[str]:
-    """Return the pattern of a token. The pattern is compiled only when a file contains scripts."""
+    """Return the pattern that a token matches. It is compiled only when a file contains scripts."""
     return re.compile(_WORDS_PATTERN, re.VERBOSE)
 
 
 def tokenize(text: str) -> Iterator[Token]:
-    """Yield the tokens of a script; the last token is an `END`.
+    """Yield the tokens of a script. The last token has the kind `END`.
 
     Raises:
         ScriptError: If a part of the text is not a token.
@@ -132,7 +132,7 @@ def tokenize(text: str) -> Iterator[Token]:
 
 
 def excerpt(text: str) -> str:
-    """Shorten a part of a script for a message."""
+    """Shorten a part of a script so that a message can quote it."""
     return text if len(text) <= _LONGEST_EXCERPT else text[: _LONGEST_EXCERPT - 3] + "..."
 
 
@@ -172,7 +172,7 @@ def _real(word: str, start: int) -> float:
 
 
 def _check_end_of_number(text: str, number: str, start: int) -> None:
-    """Raise an error for a number with trailing characters: `3m`, `1.`, `0xFG`."""
+    """Raise an error if a number is followed by wrong characters, as in `3m`, `1.` or `0xFG`."""
     stuck = _STUCK.match(text, start + len(number))
     rest = stuck.group() if stuck else ""
     if not rest and number[1:2] in {"x", "X"} and text.startswith(".", start + len(number)):
@@ -197,7 +197,7 @@ def _check_end_of_number(text: str, number: str, start: int) -> None:
 
 
 def _token_error(text: str, position: int) -> ScriptError:
-    """Return the error for a position at which no token begins."""
+    """Return the error for a position where no valid token begins."""
     character = text[position]
     if character == "'":
         message = "this string has no closing quotation mark"

@@ -1,4 +1,4 @@
-"""The variables of scripts: values, the interface of variables, and the conversion of assigned values."""
+"""The variables of scripts: their values, their interface, and the conversion of assigned values."""
 
 import math
 import re
@@ -15,7 +15,7 @@ ScriptValue = int | float | str
 """A value in a script."""
 
 LARGEST_EXACT = 2**53 - 1
-"""The limit up to which every integer can be converted to a real number without a loss of precision."""
+"""Every integer up to this limit can be converted to a real number without a loss of precision."""
 
 _NUMBER = r"(?i)-?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+\-]?[0-9]+)?|-?(?:inf|infinity|nan)"
 _WHOLE = r"-?[0-9]+"
@@ -36,11 +36,11 @@ class Enums(NamedTuple):
 
 
 class VariableError(SarError):
-    """A variable cannot be read or written."""
+    """An error: a variable cannot be read or written."""
 
 
 class UnknownVariableError(VariableError):
-    """A variable does not exist, or has no value yet.
+    """An error: a variable does not exist, or has no value yet.
 
     Attributes:
         name: The variable's name, as written in the script.
@@ -52,7 +52,7 @@ class UnknownVariableError(VariableError):
 
 
 class UnknownValueError(VariableError):
-    """A script needs a value that is not known, because the run has no robot.
+    """An error: a script needs a value that only a run with a robot would provide.
 
     Attributes:
         value: The unknown value.
@@ -73,7 +73,7 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True)
 class UnknownValue:
-    """The placeholder that a leaf writes to an entry in a run without a robot; it can only be copied.
+    """A placeholder that a leaf writes to an entry in a run without a robot. Nodes can only copy it.
 
     Attributes:
         leaf: The name of the leaf that writes the entry.
@@ -88,18 +88,18 @@ class UnknownValue:
 
 
 def unknown_value_of(error: BaseException | None) -> UnknownValue | None:
-    """Return the unknown value that caused an error; None if the error has another cause."""
+    """Return the unknown value that caused an error, or None if the error has another cause."""
     while error is not None and not isinstance(error, UnknownValueError):
         error = error.__cause__
     return None if error is None else error.value
 
 
 class RefusedValueError(VariableError):
-    """A value has the wrong type, or is not an allowed value."""
+    """An error: a value has the wrong type, or is not allowed."""
 
 
 class Variables(Protocol):
-    """The variables of a script. A name refers to the script's scope; a name with `@` refers to the root's scope."""
+    """The variables of a script. A name that begins with `@` refers to the scope of the root."""
 
     def read(self, name: str) -> ScriptValue:
         """Return a variable's value.
@@ -110,7 +110,7 @@ class Variables(Protocol):
         ...
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Implement the operator `:=`: create a variable, or assign to an existing variable like `assign`.
+        """Create a variable, or assign to an existing one. This method implements the operator `:=`.
 
         Returns:
             The stored value.
@@ -134,7 +134,7 @@ class Variables(Protocol):
 
 
 class PlainVariables:
-    """Variables without fixed types.
+    """Variables that accept values of any type.
 
     Args:
         values: The initial values of the variables.
@@ -192,7 +192,7 @@ def fit(value: ScriptValue, kind: type, enums: Mapping[str, int] | None = None) 
 
 
 def parse_number_text(text: str, enums: Mapping[str, int]) -> int | float:
-    """Return the number that a string contains; the string may also be `true`, `false` or the name of a constant.
+    """Convert a string to a number. The string may also be `true`, `false` or the name of a constant.
 
     Raises:
         RefusedValueError: If the string contains no number.
@@ -205,7 +205,7 @@ def parse_number_text(text: str, enums: Mapping[str, int]) -> int | float:
 
 
 def number_of(text: str) -> int | float:
-    """Convert a string that contains a number to this number.
+    """Convert a string to the number that it contains.
 
     Raises:
         RefusedValueError: If the string contains no number.
@@ -220,7 +220,7 @@ def number_of(text: str) -> int | float:
 
 
 def as_real(value: ScriptValue) -> float:
-    """Convert a number to a real number.
+    """Convert an integer or a real number to a `float`.
 
     Raises:
         RefusedValueError: If the value is not a number, or is too large for an exact conversion.
