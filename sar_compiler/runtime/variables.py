@@ -253,7 +253,7 @@ def to_int64(value: ScriptValue) -> int:
 
 
 def describe_value(value: object) -> str:
-    """Describe a value for messages."""
+    """Describe a value in words for an error message."""
     if isinstance(value, str):
         return f"the string '{excerpt(value)}'"
     if isinstance(value, float) or (isinstance(value, int) and value.bit_length() <= _BITS):

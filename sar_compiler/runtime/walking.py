@@ -1,4 +1,4 @@
-"""Traversal of a tree's nodes."""
+"""Traverse the nodes of a tree."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,7 @@ from py_trees.behaviour import Behaviour
 
 
 def pre_order(root: Behaviour) -> Iterator[Behaviour]:
-    """Yield the nodes of a tree, each before its descendants."""
+    """Yield the nodes of a tree in pre-order: each node comes before its descendants."""
     waiting = [root]
     while waiting:
         behaviour = waiting.pop()

@@ -1,4 +1,4 @@
-"""Replacements for librt and mypy's native number types, for robots that can only use apt packages.
+"""Python replacements for librt and for mypy's native number types, for robots with only apt packages.
 
 With these replacements, the kernel's Python source uses lists instead of librt's vectors. The compiled kernel requires librt.
 """
@@ -21,25 +21,25 @@ class Vector(list[Any]):
         return cls
 
     def __getitem__(self, at: Any) -> Any:
-        """Return the item at an index, or the vector of a slice."""
+        """Return the item at an index, or a slice as a vector."""
         found = super().__getitem__(at)
         return Vector(found) if isinstance(at, slice) else found
 
 
 def append(vector: Vector, item: Any) -> Vector:
-    """Append an item, and return the vector, like librt."""
+    """Append an item, and return the vector, as the librt function does."""
     vector.append(item)
     return vector
 
 
 def extend(vector: Vector, items: Iterable[Any]) -> Vector:
-    """Append items, and return the vector, like librt."""
+    """Append items, and return the vector, as the librt function does."""
     vector.extend(items)
     return vector
 
 
 def register_replacements() -> None:
-    """Register the replacements as modules `librt` and `mypy_extensions`, unless these are installed."""
+    """If the modules `librt` and `mypy_extensions` are not installed, register replacements for them."""
     if importlib.util.find_spec("librt") is None:
         _add_module("librt", vecs=_add_module("librt.vecs", vec=Vector, append=append, extend=extend))
     if importlib.util.find_spec("mypy_extensions") is None:

@@ -1,4 +1,4 @@
-"""The colours and signs of all output: pages, reports, drawings of trees, exports to map programs, terminals.
+"""The colours and signs in all output: pages, reports, drawings of trees, map exports and terminals.
 
 The colours are those of Okabe and Ito, which colour-blind people can distinguish. No information is given by
 colour alone.
@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 
 class Colour(NamedTuple):
-    """A colour for a light and for a dark background, in CSS notation."""
+    """A colour in two variants, for light and for dark backgrounds, in CSS notation."""
 
     light: str
     dark: str
 
     def for_background(self, *, dark: bool) -> str:
-        """Return the colour for one background, `#rrggbb`."""
+        """Return the variant for a light or dark background, as `#rrggbb`."""
         return self.dark if dark else self.light
 
 
@@ -64,7 +64,7 @@ COLOURS: Mapping[str, Colour] = {
 
 
 class LevelStyle(NamedTuple):
-    """The appearance of a landmark's level or of a verdict.
+    """How a landmark's progress or the verdict on a property is drawn.
 
     Attributes:
         word: The CSS class of its marks.
@@ -83,9 +83,9 @@ LEVELS = (
     LevelStyle("done", "success", "✓"),
     LevelStyle("given-up", "failure", "✗"),
 )
-"""The appearance of each `Level`, by the number of the level."""
+"""How each `Level` is drawn. The number of a level is its index."""
 FOUND = LevelStyle("found", "warning", "!")
-"""The appearance of a detection that a person must visit. The sign is shown until the visit is complete."""
+"""How a detection is drawn. The sign is shown until a person has visited the location."""
 _DONE, _GIVEN_UP = 2, 3
 
 MARKS: Mapping[str, str] = {
@@ -94,7 +94,7 @@ MARKS: Mapping[str, str] = {
     "house": "M-10 10 V-2 L0 -11 L10 -2 V10 Z",
     "square": "M-9 -9 H9 V9 H-9 Z",
 }
-"""The outlines of landmarks by shape, as SVG paths that are 24 wide around the origin. The default is a circle."""
+"""The outline of each landmark shape, as an SVG path 24 units wide around the origin. The default is a circle."""
 
 # The letter of a status, and its outline in a square of 16.
 _STATUSES = {
@@ -106,14 +106,14 @@ _STATUSES = {
     "": ("", "M8 4 A4 4 0 1 1 7.99 4 Z"),
 }
 CONDITIONS = {"good": "●", "quiet": "○", "warning": "▲", "error": "■"}
-"""The signs of conditions and alarms, by severity."""
+"""The signs for conditions and alarms, by severity."""
 PROPERTIES = {
     "watched": LevelStyle("watched", "quiet", "○"),
     "owed": LevelStyle("owed", "running", "…"),
     "kept": LevelStyle("kept", "success", "✓"),
     "broken": LevelStyle("broken", "failure", "✗"),
 }
-"""The appearance of monitored properties, by verdict."""
+"""How a monitored property is drawn, by verdict."""
 DECORATORS = {"↻": "runs its child again", "▣": "subtree", "◇": "another decorator"}
 """The meanings of the signs on decorators. All decorators have the same shape."""
 IN_TEXT = {"RUNNING": "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]", "": "[-]"}
@@ -138,11 +138,11 @@ TERMINAL: Mapping[str, str] = {
 """The styles of text in a terminal, in the notation of rich. The terminal defines the actual colours."""
 
 TAK_CERTAIN, TAK_LIKELY = -65536, -35072
-"""The colours of TAK for confirmed (red) and unconfirmed (orange) detections, as signed ARGB numbers."""
+"""The colours for confirmed (red) and unconfirmed (orange) detections in TAK, as signed ARGB numbers."""
 
 
 def colour_of(level: int, *, is_found: bool) -> str:
-    """Return the name of the colour of a landmark that is drawn in one colour.
+    """Return the colour name for a landmark that is drawn in a single colour.
 
     Args:
         level: Its progress, a `Level`.
@@ -159,7 +159,7 @@ def sign_of(level: int, *, is_found: bool) -> str:
 
 
 def rgb(name: str, *, dark: bool = False) -> tuple[float, float, float]:
-    """Return a colour's red, green and blue, from 0 to 1."""
+    """Return the red, green and blue components of a colour. Each is from 0 to 1."""
     red, green, blue = (
         int(part, 16) / 255 for part in re.findall("[0-9a-f]{2}", COLOURS[name].for_background(dark=dark))
     )
@@ -167,7 +167,7 @@ def rgb(name: str, *, dark: bool = False) -> tuple[float, float, float]:
 
 
 def style() -> str:
-    """Return the common stylesheet of pages and reports: the colours by name, and the marks on a map."""
+    """Return the stylesheet of pages and reports. It defines the named colours and the marks on a map."""
     light, dark = (
         ";".join(f"--{name}:{each.for_background(dark=dark)}" for name, each in COLOURS.items())
         for dark in (False, True)
@@ -183,7 +183,7 @@ def style() -> str:
 
 
 def literal(css: str) -> str:
-    """Return a stylesheet with literal colours instead of their names, for renderers without `var()`."""
+    """Replace the colour names in a stylesheet by literal colours, for renderers without `var()`."""
     coloured = "\n".join(line for line in css.splitlines() if "var(" in line)
     light, dark = _resolve(css, dark=False), _resolve(coloured, dark=True)
     return f"{light}@media (prefers-color-scheme:dark){{\n{dark}\n}}\n"
@@ -194,7 +194,7 @@ def _resolve(css: str, *, dark: bool) -> str:
 
 
 def script() -> str:
-    """Return the signs for the pages, as a JavaScript module."""
+    """Return a JavaScript module that contains the signs for the pages."""
     told = {
         "LEVELS": [each._asdict() for each in LEVELS],
         "FOUND": FOUND._asdict(),

@@ -1,4 +1,4 @@
-"""Leaves that drive to zones and home, with goals of Nav2's action `NavigateToPose`."""
+"""Leaves that drive the robot to a zone or home. They send goals of Nav2's action `NavigateToPose`."""
 
 import math
 from collections.abc import Sequence
@@ -33,12 +33,12 @@ _ABORTED = 6
 # Nav2's error codes, from the action definitions of nav2_msgs. Each server has a range of a hundred. `NavigateToPose` passes on the code of
 # the server that failed.
 FOR_GOOD = (101, 201, 204, 9001)
-"""Codes of goals that fail on every attempt, because a plug-in or tree is missing or the goal is outside the map."""
+"""Error codes for goals that always fail, because a plug-in or tree is missing or the goal is outside the map."""
 OCCUPIED = 206
-"""The code of a goal in an obstacle; some obstacles can move."""
+"""The error code for a goal in an obstacle. A later attempt may succeed, because some obstacles move."""
 _ROBOTS_PLACE = (203, 205)
 OF_PLANNER = range(200, 300)
-"""Codes of goals for which the planner found no path to the goal or through it."""
+"""Error codes for goals to which, or through which, the planner found no path."""
 # For several poses Nav2 uses the codes of a single pose plus this offset.
 _OF_SEVERAL, _LATER = {*range(301, 309), *range(9100, 9104)}, 100
 
@@ -80,7 +80,7 @@ _RANGES = (
 
 @dataclass(eq=False, repr=False)
 class NavigateTo(ActionLeaf):
-    """Base class of the leaves that drive to a zone or home. Each activation sends one goal.
+    """The base class of the leaves that drive to a zone or home. Each activation of a leaf sends one goal.
 
     Subclasses define the target, and what happens on arrival.
 
@@ -126,7 +126,7 @@ class NavigateTo(ActionLeaf):
         self.log(f"Navigating to {self._target}...")
 
     def on_feedback(self, feedback: Any) -> Status | None:
-        """Store the remaining distance and record it in the journal."""
+        """Show the remaining distance in the feedback message, and record this distance in the journal."""
         left = remaining_drive(feedback)
         if left is None:
             self.feedback_message = f"navigating to {self._target}"
@@ -140,7 +140,7 @@ class NavigateTo(ActionLeaf):
         return None
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Return SUCCESS on arrival, otherwise FAILURE; log Nav2's reason."""
+        """Return SUCCESS on arrival. Otherwise log Nav2's reason and return FAILURE."""
         if status != SUCCEEDED:
             reason, code = describe_end(status, result, self.nav2_reason()), error_code(result)
             if code in (*FOR_GOOD, OCCUPIED):
@@ -153,7 +153,7 @@ class NavigateTo(ActionLeaf):
         return Status.SUCCESS
 
     def update(self) -> Status:
-        """Return the leaf's status. While the status is RUNNING, the outcome's label says whether the robot drives or waits for Nav2."""
+        """Return the leaf's status. If it is RUNNING, also set a label: does the robot drive or wait for Nav2?"""
         status = super().update()
         if status is Status.RUNNING:
             waits = "not arrived" if self.has_not_arrived else "waiting for Nav2"
@@ -161,7 +161,7 @@ class NavigateTo(ActionLeaf):
         return status
 
     def on_failure(self, reason: str) -> Status:
-        """Log the target that was not reached and return FAILURE."""
+        """Log that the robot did not reach the target, and return FAILURE."""
         self.warn(f"Navigation to {self._target} failed: {reason}")
         return self.outcome(Status.FAILURE, "aborted")
 
@@ -174,7 +174,7 @@ class NavigateTo(ActionLeaf):
         self.record.navigation_lost = ""
 
     def on_unavailable(self, reason: str) -> Status:
-        """Return FAILURE for a reason unrelated to the target; `NavigationAvailable` can detect this case."""
+        """Return FAILURE for a reason unrelated to the target. `NavigationAvailable` can detect this case."""
         self.record.navigation_lost = reason
         self.warn(f"Navigation to {self._target} is unavailable: {reason}")
         return self.outcome(Status.FAILURE, "unavailable")
@@ -183,7 +183,7 @@ class NavigateTo(ActionLeaf):
         """Handle the arrival."""
 
     def _drive_to(self, target: str, *poses: MapPose, headline: str = "") -> Any:
-        """Return the goal for poses in the frame `map`; the last pose is the target."""
+        """Return the goal for poses in the frame `map`. The last pose is the target."""
         self._target = target
         reason, until = self._hopeless.get(target, ("", None))
         if until is not None and not until.has_passed:
@@ -209,7 +209,7 @@ class NavigateTo(ActionLeaf):
 
 
 def drive_outcomes(arrived: Outcome, *failed: Outcome) -> tuple[Outcome, ...]:
-    """Return the outcomes of a leaf that drives: arrival, Nav2's failures, and further failures."""
+    """Return all outcomes of a driving leaf, given the outcome on arrival and additional failures."""
     when = arrived.when
     return (
         arrived,
@@ -234,7 +234,7 @@ def drive_outcomes(arrived: Outcome, *failed: Outcome) -> tuple[Outcome, ...]:
     facts={"zones_left": 3, "at": "", "navigation_lost": False},
 )
 class NavigateToZone(NavigateTo):
-    """Drive to the current zone: RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive.
+    """Drive to the current zone. The leaf succeeds on arrival, and fails if the robot does not arrive.
 
     If navigation is unavailable, the leaf is RUNNING for at most `hold_timeout_sec`, and then returns
     FAILURE. This failure says nothing about the zone. `NavigationAvailable` distinguishes it from other
@@ -242,7 +242,7 @@ class NavigateToZone(NavigateTo):
     """
 
     def goal(self) -> Any:
-        """Return the goal for the current zone, SUCCESS if an earlier run searched it, or FAILURE if none is left."""
+        """Return the goal for the current zone, SUCCESS if the zone was already searched, or FAILURE if none is left."""
         if not self.zone_manager.has_remaining():
             self.warn(f"'{self.name}' has no target: every zone has already been visited.")
             return self.outcome(Status.FAILURE, "no zone")
@@ -265,7 +265,7 @@ class NavigateToZone(NavigateTo):
     facts={"at": "", "navigation_lost": False},
 )
 class NavigateToBase(NavigateTo):
-    """Drive to the base station: RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive.
+    """Drive to the base station. The leaf succeeds on arrival, and fails if the robot does not arrive.
 
     Args:
         zone_manager: The mission's zones and base station.
@@ -275,7 +275,7 @@ class NavigateToBase(NavigateTo):
     _told = ""
 
     def goal(self) -> Any:
-        """Return the goal for the base station, or SUCCESS if the robot was already there when the mission resumed."""
+        """Return the goal for the base station, or SUCCESS if an earlier run has already reached it."""
         if self.record.before.pop_home():
             self.feedback_message = "the robot drove home in an earlier run"
             self._on_arrival()
@@ -304,7 +304,7 @@ class NavigateToBase(NavigateTo):
 
 
 def describe_end(status: int, result: Any, said: str = "") -> str:
-    """Describe a failed drive.
+    """Describe why a drive failed, as text for a log message.
 
     Args:
         status: The goal's status, a constant of `action_msgs/msg/GoalStatus` other than success.
@@ -323,7 +323,7 @@ def describe_end(status: int, result: Any, said: str = "") -> str:
 
 
 def error_code(result: Any) -> int:
-    """Return the error code of a result; map a code for several poses to the code for a single pose."""
+    """Return the error code of a result. Replace a code for several poses by the code for a single pose."""
     code = int(getattr(result, "error_code", 0))
     return code - _LATER if code in _OF_SEVERAL else code
 

@@ -1,4 +1,4 @@
-"""Leaves that store undelivered reports, and deliver them when the base station responds again."""
+"""Leaves that store undelivered reports, and send the reports when the base station responds again."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -24,7 +24,7 @@ _KEPT = "reports_kept += kept_by_{detect_node} ? 0 : 1; kept_by_{detect_node} = 
 
 
 class Backoff:
-    """The pause after a failure, which doubles with each further failure.
+    """The pause after a failure. Each further failure doubles the pause.
 
     Args:
         clock: The clock that measures the pause.
@@ -40,7 +40,7 @@ class Backoff:
 
     @property
     def remaining_sec(self) -> float:
-        """Remaining seconds of the pause; 0 or less if it is over."""
+        """The remaining seconds of the pause, or 0 or less if the pause is over."""
         elapsed = self._clock.now() - self._since
         # A clock that jumps back, such as that of a restarted simulator, ends the pause.
         return self._pause_sec - elapsed if elapsed >= 0.0 else 0.0
@@ -51,7 +51,7 @@ class Backoff:
         self._since = self._clock.now()
 
     def reset(self) -> None:
-        """Reset the pauses after a successful attempt."""
+        """Make the next pause as short as the first one, because an attempt has succeeded."""
         self._pause_sec = 0.0
 
 
@@ -66,7 +66,7 @@ class Backoff:
     facts={"reports_kept": 0, "named_by_{detect_node}": False, "kept_by_{detect_node}": False},
 )
 class KeepReport(RosLeaf):
-    """Store the report of the detected survivor for `DeliverReports`; FAILURE if no survivor has a name.
+    """Store the survivor's report for `DeliverReports`. The leaf fails if no survivor was detected and named.
 
     Args:
         detect_node: The search that found the survivor.
@@ -81,7 +81,7 @@ class KeepReport(RosLeaf):
         self._record = record or MissionRecord()
 
     def update(self) -> Status:
-        """Store the report; storing it again has no effect."""
+        """Store the report. Storing the same report again has no effect."""
         report = survivor_report(self._detect_node, self, self._record, "no report to store")
         if isinstance(report, Status):
             return report
@@ -108,7 +108,7 @@ class KeepReport(RosLeaf):
 )
 @dataclass(eq=False, repr=False)
 class DeliverReports(ReportLeaf):
-    """Send every stored survivor report: SUCCESS when none is left, or immediately if none was stored.
+    """Send every stored survivor report. The leaf succeeds when no report is left.
 
     If a report is refused, the leaf tries all other reports, and then returns FAILURE. If the base station
     does not respond, the leaf returns FAILURE at once. After a failure, the leaf is RUNNING for a pause
@@ -142,7 +142,7 @@ class DeliverReports(ReportLeaf):
         super().initialise()
 
     def request(self) -> Any:
-        """Return the request for the oldest untried report, SUCCESS if none is stored, or RUNNING during a pause."""
+        """Return the request for the oldest untried report, SUCCESS if there is no report, or RUNNING in a pause."""
         if not self._untried:
             self.feedback_message = "no report is stored"
             return self.outcome(Status.SUCCESS, "nothing kept")
@@ -168,7 +168,7 @@ class DeliverReports(ReportLeaf):
         return self.outcome(Status.SUCCESS, "delivered")
 
     def on_failure(self, reason: str) -> Status:
-        """Start a back-off and return FAILURE."""
+        """Start a pause before the next attempt, and return FAILURE."""
         super().on_failure(reason)
         return self._on_failure()
 

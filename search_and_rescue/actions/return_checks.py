@@ -1,4 +1,4 @@
-"""Checks that the robot can return home after its next leg, and the wait for a charged battery."""
+"""Leaves that check whether the robot can return home after its next leg, and that wait for a charged battery."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 BATTERY_TOPIC = "battery_state"
-"""The battery's topic: `sensor_msgs/msg/BatteryState`, of which `percentage` is used."""
+"""The topic with the battery state, `sensor_msgs/msg/BatteryState`. Only the field `percentage` is used."""
 
 
 _AT_CHARGE = "(at == 'base' || at == 'charging')"
 
 
 class BatteryMeter:
-    """Updates the estimates of energy with the robot's battery, odometry and position.
+    """Updates the energy estimates with data about the robot's battery, odometry and position.
 
     It listens as long as the node exists, even while no leaf is ticked, because the estimates are learned
     from all drives.
@@ -58,7 +58,7 @@ class BatteryMeter:
 
     @property
     def age_sec(self) -> float:
-        """Seconds of the node's clock since the last battery message; infinite before the first one."""
+        """The seconds since the last battery message, by the node's clock. Infinite before the first message."""
         return self._now() - self._homing.energy.read_sec
 
     def update(self) -> None:
@@ -85,7 +85,7 @@ class BatteryMeter:
 
 @dataclass(eq=False, repr=False)
 class _HomingLeaf(RosLeaf):
-    """Base class of the leaves that observe the battery and the robot from setup on.
+    """The base class of the leaves that observe the battery and the robot. They start during setup.
 
     Args:
         homing: Estimates battery and time for the way home.
@@ -126,7 +126,7 @@ class _HomingLeaf(RosLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class ReturnInReach(_HomingLeaf):
-    """Check that battery and time suffice for the next leg and the drive home; otherwise FAILURE.
+    """Check that battery and time suffice for the next leg and the drive home. Otherwise the leaf fails.
 
     The next leg is the drive to the current zone or open piece, and the search there. After this leg and the
     drive home, the battery must still contain the reserve, and mission time must be left. FAILURE means that
@@ -149,7 +149,7 @@ class ReturnInReach(_HomingLeaf):
         self._began = math.nan
 
     def update(self) -> Status:
-        """Decide whether the robot can start the leg."""
+        """Decide whether the robot can start the next leg."""
         now = self.clock.now()
         if math.isnan(self._began):
             self._began = now
@@ -199,7 +199,7 @@ class ReturnInReach(_HomingLeaf):
 )
 @dataclass(eq=False, repr=False)
 class FullBatterySuffices(RosLeaf):
-    """Check that a full battery suffices for the next leg and the way home; otherwise FAILURE.
+    """Check that a full battery suffices for the next leg and the drive home. Otherwise the leaf fails.
 
     FAILURE means that charging cannot help. The leaf first requests the unknown paths of the leg from the
     planner, and is RUNNING meanwhile. If the planner does not provide a path, the length is estimated as 1.5
@@ -235,7 +235,7 @@ class FullBatterySuffices(RosLeaf):
             self._ways.request_paths(self.homing.required_paths())
 
     def update(self) -> Status:
-        """Decide as soon as the paths are known."""
+        """Return RUNNING until the paths are known, and then decide."""
         if not self.homing.has_next:
             return self.outcome(Status.FAILURE, "no zone")
         if self._ways is not None and self._ways.are_awaited():
@@ -248,12 +248,12 @@ class FullBatterySuffices(RosLeaf):
         return self.outcome(Status.FAILURE if reason else Status.SUCCESS, "too far" if reason else "suffices")
 
     def terminate(self, new_status: Status) -> None:
-        """Cancel the requests if the leaf is halted."""
+        """Cancel the requests for paths if the leaf is halted."""
         if new_status is Status.INVALID and self._ways is not None:
             self._ways.give_up()
 
     def shutdown(self) -> None:
-        """Release the client and the node."""
+        """Release the planner client and the ROS node."""
         self._release()
         super().shutdown()
 
@@ -273,7 +273,7 @@ class FullBatterySuffices(RosLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateToCharge(NavigateToBase):
-    """Drive to a place where the battery is charged: home, or a nearer charging place within reach.
+    """Drive to a place where the battery is charged. This is home or a nearer charging place within reach.
 
     RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive. A charging place is within
     reach if the robot arrives there without using the reserve. Without such a place, the robot drives home,
@@ -290,7 +290,7 @@ class NavigateToCharge(NavigateToBase):
         self._stop = ""
 
     def goal(self) -> Any:
-        """Return the goal for the charging place, or SUCCESS if the robot was already home when the mission resumed."""
+        """Return the goal for the charging place, or SUCCESS if an earlier run has already reached home."""
         self._stop, pose = self.homing.charging_stop()
         if not self._stop:
             return super().goal()
@@ -321,7 +321,7 @@ class NavigateToCharge(NavigateToBase):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class AwaitCharge(_HomingLeaf):
-    """Wait at home or at a charging place until a charged or swapped battery suffices for the next leg.
+    """Wait at home or a charging place until the charged or swapped battery suffices for the next leg.
 
     RUNNING while waiting, then SUCCESS. FAILURE if the robot is at neither place, if `patience` expires, or
     if the remaining mission time is too short for the next leg.

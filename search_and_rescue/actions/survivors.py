@@ -1,4 +1,4 @@
-"""Search for survivors, publish their frames, and report them."""
+"""Leaves that search for survivors, publish the survivors' frames, and report the survivors."""
 
 from dataclasses import KW_ONLY, dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from search_and_rescue.coverage import ObstacleMap
 
 _MAP_TOPIC = "map"
-"""The map's topic, published by Nav2's map server or SLAM and latched for late subscribers."""
+"""The topic with the map, published by Nav2's map server or by SLAM. Late subscribers receive the last map."""
 
 # A cell of the map is occupied from this percentage on, as map_server writes them.
 _OCCUPIED = 65
@@ -49,11 +49,11 @@ _FORGOTTEN = "found_by_{self} = false; named_by_{self} = false"
 _UNTOLD = "found_by_{detect_node} = false; named_by_{detect_node} = false"
 
 _FRAMES_TOPIC = "/tf_static"
-"""The topic's name is absolute, as in tf2. A mission in a namespace remaps `/tf_static:=tf_static`, as Nav2 does."""
+"""The topic for static frames. The name is absolute, so missions in a namespace remap `/tf_static:=tf_static`."""
 
 
 class MapExtent:
-    """The extent of a node's map, used to reject infinite positions and positions outside the map.
+    """The extent of the map that a node receives. It is used to reject positions outside the map.
 
     Use `map_extent_of`: all leaves share one subscription.
 
@@ -72,7 +72,7 @@ class MapExtent:
         node.create_subscription(OccupancyGrid, _MAP_TOPIC, self._on_map, latched)
 
     def check(self, x: float, y: float) -> tuple[float, float]:
-        """Return the position unchanged, metres in the frame `map`.
+        """Return a position unchanged if it is possible. It is in metres, in the frame `map`.
 
         Raises:
             UnusableValueError: If the position is not finite or not on the map.
@@ -83,7 +83,7 @@ class MapExtent:
         return x, y
 
     def why_impossible(self, x: float, y: float) -> str:
-        """Return why a position (metres, frame `map`) is impossible; empty if it is possible."""
+        """Return why a position (metres, frame `map`) is impossible, or an empty string if it is possible."""
         try:
             self.check(x, y)
         except UnusableValueError as error:
@@ -96,7 +96,7 @@ class MapExtent:
             self._place, self._grid, self._obstacles = place, message, None
 
     def obstacles(self) -> "ObstacleMap | None":
-        """Return the occupied and unknown cells, which block sight and driving; None if no complete map was received."""
+        """Return the cells that block sight and driving: occupied and unknown cells. None without a complete map."""
         # Only sweeps need NumPy.
         import numpy as np
 
@@ -114,7 +114,7 @@ class MapExtent:
 
 
 def map_extent_of(node: "Node") -> MapExtent:
-    """Return the extent of a node's map; every call returns the same object."""
+    """Return the extent of the map that a node receives. Calls for the same node return the same object."""
     return of_node(node, MapExtent, lambda: MapExtent(node))
 
 
@@ -135,7 +135,7 @@ def map_extent_of(node: "Node") -> MapExtent:
 )
 @dataclass(eq=False, repr=False)
 class DetectSurvivor(ServiceLeaf):
-    """Search the current zone, and store the response: SUCCESS even if no survivor was found.
+    """Search the current zone, and store the response. The leaf succeeds even if no survivor was found.
 
     FAILURE if the service does not respond, or responds with a position that is not finite or not on the map.
 
@@ -178,19 +178,19 @@ class DetectSurvivor(ServiceLeaf):
         return self._pose
 
     def survivor_id(self) -> str | None:
-        """Return the survivor's assigned name, or None."""
+        """Return the name assigned to the survivor, or None if no name was assigned."""
         return self._survivor_id
 
     def set_survivor_id(self, survivor_id: str) -> None:
-        """Store the survivor's assigned name."""
+        """Store the name that was assigned to the survivor."""
         self._survivor_id = survivor_id
 
     def store_detection(self, survivor: tuple[float, float] | None) -> None:
-        """Store the position of a survivor, x and y in the frame `map` (metres); None if none was found."""
+        """Store the x and y of a survivor in the frame `map` (metres), or None if no survivor was found."""
         self._pose, self._survivor_id = survivor, None
 
     def request(self) -> Any:
-        """Return the request for the current zone, SUCCESS if an earlier run searched it, or FAILURE if none is left."""
+        """Return the request for the current zone, SUCCESS if it was already searched, or FAILURE if none is left."""
         self.store_detection(None)
         if not self.zone_manager.has_remaining():
             self.warn(f"'{self.name}' has no zone to search: every zone has already been visited.")
@@ -202,11 +202,11 @@ class DetectSurvivor(ServiceLeaf):
         return self.interface.Request(zone_id=self._zone_id)
 
     def on_send(self) -> None:
-        """Log the zone that is searched."""
+        """Log which zone the robot is searching."""
         self.log(f"Calling {self.service_name} for {self._zone_id}...")
 
     def on_response(self, response: Any) -> Status:
-        """Store the response; a survivor at an impossible position makes the search fail."""
+        """Store the response. The search fails if the survivor's position is impossible."""
         try:
             survivor = self._survivor_position(response)
         except UnusableValueError as error:
@@ -235,7 +235,7 @@ class DetectSurvivor(ServiceLeaf):
         return True
 
     def _survivor_position(self, response: Any) -> tuple[float, float] | None:
-        """Return the survivor's position, metres in the frame `map`; None if none was found.
+        """Return the survivor's position in the frame `map` (metres), or None if no survivor was found.
 
         Raises:
             UnusableValueError: If the position is impossible.
@@ -263,7 +263,7 @@ class DetectSurvivor(ServiceLeaf):
 )
 @dataclass(eq=False, repr=False)
 class AwaitSurvivor(TopicLeaf):
-    """Wait for a detection of an unnamed survivor, and pass the position to the search: RUNNING, then SUCCESS.
+    """Wait for the detection of an unnamed survivor. Then pass the position to the search leaf, and succeed.
 
     Messages are collected from setup on, so that a survivor who is detected while another detection is
     handled is not lost. Detectors repeat detections: of several detections in one tick, the last is used. A
@@ -302,12 +302,12 @@ class AwaitSurvivor(TopicLeaf):
         map_extent_of(self.node)
 
     def initialise(self) -> None:
-        """Clear the search's earlier detection."""
+        """Clear the earlier detection that the search leaf has stored."""
         super().initialise()
         self.detect_node.store_detection(None)
 
     def update(self) -> Status:
-        """Check for new messages; first handle a detection that an earlier run did not finish."""
+        """Handle a detection that an earlier run did not finish. If there is none, check for new messages."""
         if not self.zone_manager.has_remaining():
             return self.outcome(Status.FAILURE, "no zone")
         zone = self.zone_manager.current_zone()["id"]
@@ -316,7 +316,7 @@ class AwaitSurvivor(TopicLeaf):
         return super().update()
 
     def on_message(self, message: Any) -> Status:
-        """Pass a new survivor to the search."""
+        """Pass the position of a new survivor to the search leaf."""
         place = planar_point(message, MAP_FRAME)
         if not self._is_new(place):  # no longer new: found in the meantime
             return self.on_silence()
@@ -336,7 +336,7 @@ class AwaitSurvivor(TopicLeaf):
         return self.outcome(Status.SUCCESS, "found")
 
     def check_message(self, message: Any) -> None:
-        """Check the position's frame and that it is on the map."""
+        """Check that the position has the right frame and is on the map."""
         map_extent_of(self.node).check(*planar_point(message, MAP_FRAME))
 
     def _receive(self, message: Any) -> None:
@@ -348,7 +348,7 @@ class AwaitSurvivor(TopicLeaf):
 
 
 class StaticTransforms:
-    """The static frames of one node, published so that a late subscriber receives all of them.
+    """Publishes the static frames of one node. A late subscriber receives all frames.
 
     `/tf_static` stores only one message for late subscribers. This message must therefore contain every frame
     published so far, and a frame that is sent again must replace the earlier version. (tf2_ros for Python
@@ -369,13 +369,13 @@ class StaticTransforms:
         self._transforms: dict[str, TransformStamped] = {}
 
     def publish(self, transform: "TransformStamped") -> None:
-        """Publish a frame together with all earlier ones; a frame with the same child is replaced."""
+        """Publish a frame and all earlier frames. It replaces an earlier frame with the same `child_frame_id`."""
         self._transforms[transform.child_frame_id] = transform
         self._publisher.publish(self._message_type(transforms=list(self._transforms.values())))
 
 
 def static_transforms_of(node: "Node") -> StaticTransforms:
-    """Return the static frames of a node; every call returns the same object.
+    """Return the publisher of a node's static frames. Calls for the same node return the same object.
 
     The frames exist as long as the node, so that the frames of a finished mission remain known.
     """
@@ -394,7 +394,7 @@ def static_transforms_of(node: "Node") -> StaticTransforms:
 )
 @dataclass(eq=False, repr=False)
 class BroadcastSurvivorTF(RosLeaf):
-    """Name the detected survivor, and publish a static frame of that name under `map`.
+    """Assign a name to the detected survivor, and publish a static frame with this name below `map`.
 
     FAILURE if no survivor was detected.
 
@@ -415,7 +415,7 @@ class BroadcastSurvivorTF(RosLeaf):
         self._verdict = Status.INVALID
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the publisher, or share the node's existing one; publish the survivors of earlier runs."""
+        """Create or reuse the publisher, and publish the frames of the survivors named in earlier runs."""
         super().setup(**kwargs)
         static_transforms_of(self.node)
         for survivor in self.record.survivors:
@@ -423,11 +423,11 @@ class BroadcastSurvivorTF(RosLeaf):
                 self._publish(survivor.survivor_id, survivor.x, survivor.y)
 
     def initialise(self) -> None:
-        """Reset the status of the last activation."""
+        """Forget the result of the previous activation."""
         self._verdict = Status.RUNNING
 
     def update(self) -> Status:
-        """Publish once in each activation, so that each activation uses one name."""
+        """Publish the frame only once in each activation, so that only one name is assigned."""
         if self._verdict is Status.RUNNING:
             self._verdict = self._broadcast()
         return self._verdict
@@ -490,7 +490,7 @@ def survivor_report(
 
 @dataclass(eq=False, repr=False)
 class ReportLeaf(ServiceLeaf):
-    """Base class of leaves that report a survivor to the base station and handle the acknowledgement.
+    """The base class of leaves that report a survivor to the base station and wait for an acknowledgement.
 
     Subclasses choose the survivor.
 
@@ -516,7 +516,7 @@ class ReportLeaf(ServiceLeaf):
         self._survivor_id = ""
 
     def on_send(self) -> None:
-        """Record that the report is sent, and log the name."""
+        """Record that the report is being sent, and log the survivor's name."""
         self.record.report_sent(self._survivor_id)
         self.log(f"Reporting {self._survivor_id} to base...")
 
@@ -562,7 +562,7 @@ class ReportLeaf(ServiceLeaf):
 )
 @dataclass(eq=False, repr=False)
 class NotifyBase(ReportLeaf):
-    """Report the detected survivor: SUCCESS if the base station acknowledges the report.
+    """Report the detected survivor. The leaf succeeds if the base station acknowledges the report.
 
     Args:
         detect_node: The search that found the survivor.
@@ -571,7 +571,7 @@ class NotifyBase(ReportLeaf):
     detect_node: DetectSurvivor
 
     def request(self) -> Any:
-        """Return the survivor's report, FAILURE if no survivor has a name, or SUCCESS if base has acknowledged it."""
+        """Return the request with the report, SUCCESS if it is already acknowledged, or FAILURE without a report."""
         report = survivor_report(self.detect_node, self, self.record, "nothing to report")
         if isinstance(report, Status):
             return self.outcome(report, "nothing to report" if report is Status.FAILURE else "acknowledged")

@@ -1,4 +1,4 @@
-"""Leaves that sweep a zone's ground piece by piece, with further passes over the gaps."""
+"""Leaves that sweep the ground of a zone piece by piece. Further passes search the remaining gaps."""
 
 import itertools
 import math
@@ -54,7 +54,7 @@ _PASSES_M = 3.0
 
 @dataclass(eq=False, repr=False)
 class _SweepLeaf(RosLeaf):
-    """Base class of the leaves that handle the ground of the current zone.
+    """The base class of the leaves for the ground of the current zone.
 
     Args:
         zone_manager: The mission's zones.
@@ -70,7 +70,7 @@ class _SweepLeaf(RosLeaf):
 
     @property
     def _zone(self) -> str:
-        """The current zone's ID; empty if none is left."""
+        """The ID of the current zone, or an empty string if no zone is left."""
         return self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
 
 
@@ -81,7 +81,7 @@ class _SweepLeaf(RosLeaf):
     facts={"zones_left": 3},
 )
 class ZoneHasGround(_SweepLeaf):
-    """Check that the current zone has a polygon and can therefore be swept; otherwise FAILURE."""
+    """Check that the current zone has a polygon, which is necessary for a sweep. Otherwise the leaf fails."""
 
     def update(self) -> Status:
         """Check the zone."""
@@ -98,7 +98,7 @@ class ZoneHasGround(_SweepLeaf):
     facts=_PIECES,
 )
 class PiecesRemaining(_SweepLeaf):
-    """Check that a piece of the current zone's sweep is open; FAILURE if all pieces are done."""
+    """Check that the current zone's sweep has an open piece. The leaf fails if all pieces are done."""
 
     def update(self) -> Status:
         """Check the sweep."""
@@ -109,7 +109,7 @@ class PiecesRemaining(_SweepLeaf):
 
 @dataclass(eq=False, repr=False)
 class _PlanLeaf(_SweepLeaf):
-    """Base class of the leaves that plan pieces in the background, and are RUNNING while they plan.
+    """The base class of the leaves that plan pieces. They plan in the background, and are RUNNING meanwhile.
 
     Args:
         clearance: Distance of pieces from obstacles, metres.
@@ -141,7 +141,7 @@ class _PlanLeaf(_SweepLeaf):
         return self._on_plan(*self._under_way)
 
     def terminate(self, new_status: Status) -> None:
-        """Discard the plan if the leaf is halted."""
+        """If the leaf is halted, discard the plan."""
         if new_status is Status.INVALID:
             self._under_way = None
 
@@ -198,7 +198,7 @@ class _PlanLeaf(_SweepLeaf):
 )
 @dataclass(eq=False, repr=False)
 class PlanSweep(_PlanLeaf):
-    """Plan the sweep of the current zone's ground; a sweep that is already planned continues at the open piece.
+    """Plan the sweep of the current zone's ground. A sweep that is already planned continues at the open piece.
 
     FAILURE if the robot cannot drive to any part of the ground.
 
@@ -217,19 +217,19 @@ class PlanSweep(_PlanLeaf):
     fence: Geofence = field(default_factory=Geofence)
 
     def setup(self, **kwargs: Any) -> None:
-        """Subscribe to the map and offer the operator's service."""
+        """Subscribe to the map, and offer the service through which the operator adds areas."""
         super().setup(**kwargs)
         extent = map_extent_of(self.node)
         drawn = DrawnAreas(self.zone_manager, self.sweeps, self.fence, extent.why_impossible)
         self.orders.offer(self.node, "add_area", partial(self._on_area, drawn))
 
     def shutdown(self) -> None:
-        """Withdraw the service and release the node."""
+        """Withdraw the service, and release the ROS node."""
         self.orders.destroy_services()
         super().shutdown()
 
     def _on_area(self, drawn: DrawnAreas, request: Any, response: Any) -> Any:
-        """Accept an area that the operator has drawn; the area takes effect when the next zone is chosen."""
+        """Accept an area drawn by the operator. The area takes effect when the next zone is chosen."""
         try:
             response.success, response.message = True, drawn.add_area(request)
         except DrawingError as error:
