@@ -1,4 +1,4 @@
-"""Read the parameters of zones except poses: probabilities, priorities, polygons and sensor ranges."""
+"""Read all parameters of zones except poses: probabilities, priorities, polygons and sensor ranges."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,9 +23,9 @@ _POLYGON = "polygon"
 AREA_KEYS = (*_PROBABILITIES, _POLYGON, *_SENSOR, "priority")
 """The parameters that a zone can have in addition to a pose."""
 MIN_CORNERS = 3
-"""Minimum number of corners of a polygon."""
+"""The minimum number of corners of a polygon."""
 MAX_RANGE_M = 1_000.0
-"""Maximum detection range and maximum sweep width, metres. Both are limited because every map cell within the detection range is examined."""
+"""The maximum detection range and sweep width, metres. They are limited because every map cell within the range is examined."""
 # A polygon that extends beyond the geofence by at most this distance is inside.
 _TOLERANCE_M = 1e-6
 # If every corner is this close to the numbers of the georeference (latitude and longitude), the corners are probably in degrees.
@@ -61,14 +61,14 @@ def read_areas(
 
 
 def read_priorities(reader: ParameterReader, zones: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Read the parameters `zones.<id>.priority` (default 0). `ChooseZone` chooses zones with a higher priority first."""
+    """Read the parameters `zones.<id>.priority` (default 0). `ChooseZone` prefers zones with a higher priority."""
     return {zone["id"]: reader.number(f"zones.{zone['id']}.priority", 0.0) for zone in zones}
 
 
 def read_grounds(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], fence: Geofence
 ) -> dict[str, Ground]:
-    """Read the grounds of all zones with polygons: `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
+    """Read the ground of each zone: `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
 
     Raises:
         ImportError: If a zone has a polygon, and shapely is not installed.
@@ -80,7 +80,7 @@ def read_grounds(
 def add_plausibility_notes(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], grounds: Mapping[str, Ground]
 ) -> None:
-    """Add notes about probable typos: a pose far outside the zone's polygon, or too many stops for a sweep.
+    """Add a note for each probable typo, such as a pose outside the polygon, or too many stops for a sweep.
 
     Raises:
         ImportError: If `grounds` is not empty, and shapely is not installed.
@@ -113,7 +113,7 @@ def _ground(reader: ParameterReader, prefix: str, fence: Geofence) -> Ground | N
 
 
 def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
-    """Return sweep width and detection range, metres; a missing value is derived from the other and the visibility."""
+    """Return sweep width and detection range, metres. If one is missing, compute it from the other one."""
     width_key, range_key, visibility_key = (f"{prefix}.{name}" for name in _SENSOR)
     visibility = reader.parameters.get(visibility_key, "medium")
     if visibility not in SWEEP_FACTORS:
@@ -136,7 +136,7 @@ def _sensor(reader: ParameterReader, prefix: str) -> tuple[float, float]:
 
 
 def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
-    """Return the corners in a polygon parameter; if the parameter has errors, report them and return no corners."""
+    """Return the corners in a polygon parameter. If it has errors, report them and return no corners."""
     mistakes = len(reader.problems)
     numbers = reader.numbers(key)
     if len(reader.problems) > mistakes:
@@ -154,7 +154,7 @@ def _polygon(reader: ParameterReader, key: str, fence: Geofence) -> Corners:
 
 
 def outline_objection(corners: Corners, fence: Geofence) -> str:
-    """Return the error in a polygon, in words that follow its name, such as `has no area`; empty if it is valid.
+    """Return the error in a polygon, such as "has no area", or an empty string if the polygon is valid.
 
     The polygon has at least three corners, in metres in the frame `map`.
 
@@ -182,7 +182,7 @@ def outline_objection(corners: Corners, fence: Geofence) -> str:
 
 
 def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return a point inside a polygon; both are in metres in the frame `map`.
+    """Return a point inside a polygon. Point and polygon are in metres, in the frame `map`.
 
     Raises:
         ImportError: If shapely is not installed.
@@ -195,7 +195,7 @@ def pose_inside(corners: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _are_degrees(parameters: Mapping[str, object], corners: Corners) -> bool:
-    """Return whether all corners are probably in degrees: near the latitude and longitude of the map's origin."""
+    """Return whether the corners are probably in degrees, because they are near the origin's coordinates."""
     origin_degrees = [parameters.get(f"georeference.{name}") for name in ("lat", "lon")]
     if not all(isinstance(value, int | float) for value in origin_degrees):
         return False

@@ -45,7 +45,7 @@ class _AreasFileError(ValueError):
 
 
 def read_areas_file(reader: ParameterReader) -> None:
-    """Add the zones in the file that `areas_file` names to the parameters; existing parameters take precedence.
+    """Add the zones in the file `areas_file` to the parameters. Existing parameters take precedence.
 
     Each polygon becomes the parameter `zones.<name>.polygon`, in metres. Properties of the polygon that are zone parameters are added as well.
     Other geometries are skipped with a note. A zone without a pose gets the pose of a point inside the polygon. Without the parameter
@@ -70,7 +70,7 @@ def read_areas_file(reader: ParameterReader) -> None:
 
 
 def _add_zones(reader: ParameterReader, file: "JsonFile") -> None:
-    """Add the zones in a GeoJSON file to the parameters. If a feature has an error, report each such error, and add no zone.
+    """Add the zones in a GeoJSON file to the parameters. If any feature is wrong, report all errors and add no zone.
 
     Raises:
         _AreasFileError: If the file is not a FeatureCollection in WGS 84, or has too many areas.
@@ -150,7 +150,7 @@ def _geometry_type(feature: Mapping[str, Any]) -> Any:
 
 
 def _origin(reader: ParameterReader) -> tuple[float, float, float] | None:
-    """Return the latitude, longitude and heading of the map's origin; report a missing one, and return None."""
+    """Return latitude, longitude and heading of the map's origin. If one is missing, report it and return None."""
     values = [reader.number(key, math.nan if key not in reader.parameters else None) for key in _GEOREFERENCE]
     if any(math.isnan(value) for value in values):
         text = f"contains degrees, which need the georeference of the map: add {', '.join(_GEOREFERENCE)}"
@@ -172,7 +172,7 @@ def _name(at: int, feature: Mapping[str, Any], taken: Collection[str]) -> str:
 
 
 def _zone(feature: Mapping[str, Any], origin: tuple[float, float, float], where: str) -> dict[str, object]:
-    """Return the zone parameters from a polygon feature.
+    """Convert a polygon feature to the parameters of a zone.
 
     Raises:
         _AreasFileError: If the feature is not a valid zone; the path of the error is relative to the feature.
@@ -183,7 +183,7 @@ def _zone(feature: Mapping[str, Any], origin: tuple[float, float, float], where:
 
 
 def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]]:
-    """Return the outer ring of a polygon feature: the ring's JSON path within the feature, and its corners."""
+    """Return the JSON path and the corners of the outer ring of a polygon feature."""
     kind, rings, path = geometry.get("type"), geometry.get("coordinates"), _RINGS
     # QGIS can export a polygon as a MultiPolygon with a single polygon.
     if kind == "MultiPolygon" and isinstance(rings, list) and len(rings) == 1:
@@ -203,7 +203,7 @@ def _ring(geometry: Mapping[str, Any], where: str) -> tuple[_JsonPath, list[Any]
 def _to_map_position(
     corner: Any, origin: tuple[float, float, float], where: str, path: _JsonPath
 ) -> tuple[float, float]:
-    """Convert a corner, longitude and latitude in degrees, to a position in the frame `map`, metres."""
+    """Convert a corner (longitude and latitude, degrees) to a position in the frame `map` (metres)."""
     degrees = corner[:2] if isinstance(corner, list) else []
     if not (len(degrees) == len(_MAX_DEGREES) and all(type(each) in (int, float) for each in degrees)):
         raise _AreasFileError(
@@ -237,5 +237,5 @@ def _pose(corners: list[tuple[float, float]]) -> dict[str, object]:
 
 
 def _extra_parameters(properties: Mapping[str, Any]) -> dict[str, object]:
-    """Return those properties that are zone parameters and are not null; ignore all other properties."""
+    """Return the properties that are zone parameters and are not null."""
     return {key: value for key, value in properties.items() if key in AREA_KEYS and value is not None}

@@ -1,4 +1,4 @@
-"""Run computations in a background thread, so that ticks do not wait for the result."""
+"""Run computations in a background thread, so that ticks do not have to wait for results."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor

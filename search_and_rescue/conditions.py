@@ -21,7 +21,7 @@ _COMPLETE = "zones_left == 0 && zones_abandoned == 0 && reports_kept == 0 && at 
     facts={"zones_left": 3},
 )
 class ZonesRemaining(Behaviour):
-    """Check that a zone is left to visit; FAILURE if no zone is left.
+    """Check that a zone is left to visit. The leaf fails if no zone is left.
 
     Args:
         name: The node's name.
@@ -33,7 +33,7 @@ class ZonesRemaining(Behaviour):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Check the remaining zones."""
+        """Check whether a zone is left."""
         remaining = self._zones.has_remaining()
         self.feedback_message = f"{self._zones.current_index()} of {self._zones.total_zones()} zones visited"
         return Status.SUCCESS if remaining else Status.FAILURE
@@ -49,7 +49,7 @@ class ZonesRemaining(Behaviour):
     facts={"found_by_{detect_node}": False},
 )
 class IsSurvivorDetected(Behaviour):
-    """Check that the last search detected a survivor; FAILURE if the search detected none.
+    """Check that the last search detected a survivor. The leaf fails if no survivor was detected.
 
     Args:
         name: The node's name.
@@ -75,7 +75,7 @@ class IsSurvivorDetected(Behaviour):
     facts={"zones_left": 3, "zones_abandoned": 0, "reports_kept": 0, "at": ""},
 )
 class MissionComplete(Behaviour):
-    """Check that all zones are visited, all survivors' reports acknowledged, and the robot is home; else FAILURE.
+    """Check that all zones are visited, all reports are acknowledged, and the robot is home. Otherwise fail.
 
     Args:
         name: The node's name.
@@ -89,7 +89,7 @@ class MissionComplete(Behaviour):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Check for unfinished items."""
+        """Check whether any part of the mission is unfinished."""
         shortfalls = self._record.shortfalls(self._zones)
         self.feedback_message = " ".join(shortfalls)
         return Status.FAILURE if shortfalls else Status.SUCCESS

@@ -36,7 +36,7 @@ _MAX_COUNT = np.iinfo(np.uint16).max
 
 @dataclass(frozen=True, eq=False)
 class ObstacleMap:
-    """Obstacles to sight and driving: occupied cells, unknown cells, and all positions outside the map.
+    """The obstacles that block sight and driving: occupied or unknown cells, and all positions outside the map.
 
     Args:
         blocked: Whether each cell is occupied or unknown, by row (y) and column (x).
@@ -49,7 +49,7 @@ class ObstacleMap:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def are_blocked(self, points: Points) -> npt.NDArray[np.bool_]:
-        """Return whether each position (metres, frame `map`) is blocked; the last axis of `points` holds x and y."""
+        """Return for each position (metres, frame `map`) whether it is blocked. The last axis contains x and y."""
         cells = np.floor(self._to_cells(points)).astype(int)
         column, row = cells[..., 0], cells[..., 1]
         rows, columns = self.blocked.shape
@@ -59,7 +59,7 @@ class ObstacleMap:
         return blocked
 
     def hides(self, eye: Points, points: Points, reach: float) -> npt.NDArray[np.bool_]:
-        """Return whether each position is blocked, or hidden from the sensor by a blocked cell.
+        """Return for each position whether it is blocked, or whether a blocked cell hides it from the sensor.
 
         Args:
             eye: The position of the sensor, metres, frame `map`.
@@ -81,7 +81,7 @@ class ObstacleMap:
         return behind | self.are_blocked(points)
 
     def _to_cells(self, points: Points) -> Points:
-        """Convert positions in the frame `map`, metres, to fractional columns and rows of the map."""
+        """Convert positions (metres, frame `map`) to columns and rows of the map, which may be fractions."""
         x, y, yaw = self.origin
         right, up = points[..., 0] - x, points[..., 1] - y
         along, across = right * math.cos(yaw) + up * math.sin(yaw), up * math.cos(yaw) - right * math.sin(yaw)
@@ -89,7 +89,7 @@ class ObstacleMap:
 
     @cached_property
     def _walls(self) -> npt.NDArray[np.bool_]:
-        """Blocked cells with a free neighbour. All other blocked cells can be ignored, because walls hide the cells behind them."""
+        """The walls: blocked cells next to a free cell. Other blocked cells can be ignored, because walls hide them."""
         around = np.pad(self.blocked, 1, constant_values=True)
         within = around[:-2, 1:-1] & around[2:, 1:-1] & around[1:-1, :-2] & around[1:-1, 2:]
         walls: npt.NDArray[np.bool_] = self.blocked & ~within
@@ -98,7 +98,7 @@ class ObstacleMap:
     def _walls_around(
         self, here: Points, most: float, count: int
     ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
-        """Return the indices of the directions that contain walls, and the distance of each such wall in cells."""
+        """Return the index of each direction in which there is a wall, and the distance of this wall in cells."""
         left, low = np.maximum(np.floor(here - most).astype(int), 0)
         right, high = np.maximum(np.ceil(here + most).astype(int), 0)
         rows, columns = np.nonzero(self._walls[low:high, left:right])
@@ -113,7 +113,7 @@ class ObstacleMap:
 
 
 class CoverageRaster:
-    """The coverage of each cell of a ground.
+    """The coverage of each cell in the ground of a zone.
 
     Args:
         ground: The ground of a zone.
@@ -142,7 +142,7 @@ class CoverageRaster:
 
     @property
     def searchable(self) -> npt.NDArray[np.bool_]:
-        """Whether each cell can be searched, because no obstacle is at the centre of the cell."""
+        """For each cell, whether it can be searched. A cell with an obstacle at its centre cannot be searched."""
         return (
             np.ones(len(self.centres), bool)
             if self.obstacles is None
@@ -150,7 +150,7 @@ class CoverageRaster:
         )
 
     def drive(self, path: Sequence[tuple[float, float]]) -> float:
-        """Add the coverage of a drive along positions in the frame `map`, metres.
+        """Add the coverage of a drive along a path of positions (metres, frame `map`).
 
         Returns:
             The distance driven inside the ground, metres.
@@ -180,7 +180,7 @@ class CoverageRaster:
         self.coverage[cells] += within * self.ground.sweep_width * metres / (math.pi * reach**2)
 
     def seen_from(self, x: float, y: float, reach: float) -> npt.NDArray[np.intp]:
-        """Return the indices of the cells whose centre is visible from a position and within reach.
+        """Return the indices of the cells whose centre is within reach of a position and visible from there.
 
         Args:
             x: The x coordinate of the position, metres, frame `map`.
@@ -194,17 +194,17 @@ class CoverageRaster:
         return near[~self.obstacles.hides(eye, self.centres[near], reach)]
 
     def pod(self) -> float:
-        """Return the probability, 0 to 1, that a survivor in the ground would have been detected by the drives so far."""
+        """Return the probability, 0 to 1, that the drives so far would have detected a survivor in the ground."""
         found = 1.0 - np.exp(-self.coverage[self.searchable])
         return float(found.mean()) if len(found) else 0.0
 
     def mean_coverage(self) -> float:
-        """Return the coverage C of the ground, which is the mean over the searchable cells."""
+        """Return the mean coverage C of the searchable cells in the ground."""
         searched = self.coverage[self.searchable]
         return float(searched.mean()) if len(searched) else 0.0
 
     def seen_share(self) -> float:
-        """Return the share of the searchable cells that were visible at least once, 0 to 1."""
+        """Return the share (0 to 1) of the searchable cells that the sensor has seen at least once."""
         seen = self.coverage[self.searchable] > 0.0
         return float(seen.mean()) if len(seen) else 0.0
 
@@ -213,7 +213,7 @@ class CoverageRaster:
         return float(self.searchable.sum()) * self.cell_m**2
 
     def gaps(self, until_pod: float) -> list[Corners]:
-        """Return polygons around the searchable cells with a POD below `until_pod`, the largest polygon first.
+        """Return the gaps: polygons around searchable cells with a POD below `until_pod`, the largest first.
 
         Corners are in the frame `map`, metres. A gap with a hole is cut into several polygons; gaps of a few cells are omitted.
         """
@@ -241,13 +241,13 @@ class CoverageRaster:
         )
 
     def share_text(self) -> str:
-        """Return the coverage of all cells as compressed text, rounded to a thousandth."""
+        """Return the coverage of all cells, rounded to thousandths, as compressed text."""
         counted = np.minimum(np.rint(self.coverage / _STEP), _MAX_COUNT).astype("<u2")
         return base64.b64encode(zlib.compress(counted.tobytes(), 9)).decode("ascii")
 
 
 def _cut_holes(shape: Any) -> Iterator[Any]:
-    """Yield the polygons of a shape; a polygon with holes is split into polygons without holes."""
+    """Yield the polygons of a shape. A polygon with holes is split into polygons without holes."""
     import shapely
 
     for part in shapely.get_parts(shape):

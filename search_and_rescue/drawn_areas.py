@@ -25,7 +25,7 @@ _DIGITS = 3
 
 
 class DrawingError(ValueError):
-    """An area is rejected; the message contains the reason and the remedy."""
+    """An error: an area is rejected. The message contains the reason and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class DrawnAreas:
     off_map: "Callable[[float, float], str]"
 
     def add_area(self, request: Any) -> str:
-        """Add an area to the plan, or change an existing area whose search has not started.
+        """Add an area to the plan, or replace an existing area if its search has not started yet.
 
         Args:
             request: A request of `sar_interfaces/srv/AddArea`.

@@ -1,4 +1,4 @@
-"""Model the battery consumption by driving and waiting: a prior estimate is corrected by battery readings.
+"""Model the battery consumption by driving and waiting. Battery readings correct the initial estimate.
 
 Energy is a share of a full battery, 0 to 1, as in `sensor_msgs/msg/BatteryState.percentage`.
 """
@@ -10,9 +10,10 @@ from statistics import median
 from typing import NamedTuple
 
 WINDOW_SHARE = 0.01
-"""Minimum expected consumption between two readings that are compared. Many batteries report their charge with about this resolution."""
+"""Two readings are compared only if the expected consumption between them is at least this share. Many batteries report
+their charge with about this resolution."""
 RISE_SHARE = 0.03
-"""Minimum rise of the charge that is regarded as a charged or swapped battery."""
+"""If the charge rises by at least this share, the battery is assumed to have been charged or swapped."""
 
 # Weight of the prior: as much as an observed consumption of this share by driving, and of the same share by time.
 _PRIOR_SHARE = 0.03
@@ -27,7 +28,7 @@ _MIN_INTERVAL_SEC = 0.2
 
 
 class TripEstimate(NamedTuple):
-    """Distance and duration of a trip.
+    """The expected distance and duration of a trip.
 
     Attributes:
         metres: The distance.
@@ -39,7 +40,7 @@ class TripEstimate(NamedTuple):
 
 
 class ConsumptionRates(NamedTuple):
-    """Rates of battery consumption.
+    """The battery consumption per metre and per second.
 
     Attributes:
         per_m: Share of a full battery for each metre driven.
@@ -58,7 +59,7 @@ class _BatteryReading(NamedTuple):
 
 @dataclass(eq=False)
 class EnergyModel:
-    """Model of a robot's battery consumption by distance and time, learned during the run.
+    """A model of the battery consumption by distance and time. The model learns during the run.
 
     Each rate is a multiple of a prior rate. The multiples are fitted by least squares to the consumption
     between battery readings, with the prior as additional observations. If the readings cannot separate the
@@ -88,7 +89,7 @@ class EnergyModel:
         self._mm = self._ms = self._ss = self._mu = self._su = 0.0
 
     def on_odometry(self, x: float, y: float) -> None:
-        """Update the robot's position from its odometry, metres."""
+        """Update the driven distance with a new odometry position, in metres."""
         step = math.dist(self._at, (x, y)) if self._at is not None else math.inf
         if step > _MAX_STEP_M:
             # The distance driven since the last compared reading is unknown.
@@ -113,7 +114,7 @@ class EnergyModel:
         self._compare(_BatteryReading(now, self._metres, self.share))
 
     def _compare(self, reading: _BatteryReading) -> None:
-        """Update the rates from the consumption since an earlier reading, unless the battery was charged or swapped."""
+        """Update the rates with the consumption since an earlier reading. Ignore charged or swapped batteries."""
         since = self._since
         self._lowest = min(self._lowest, reading.share)
         if reading.share >= self._lowest + RISE_SHARE:
@@ -132,7 +133,7 @@ class EnergyModel:
                 self._since = reading
 
     def _add_observation(self, driven: float, waited: float, used: float) -> None:
-        """Add an observed consumption, and the shares expected for driving and waiting; decay earlier observations."""
+        """Add an observed consumption and the expected shares of driving and waiting. Older observations decay."""
         expected = driven + waited
         decay = math.exp(-expected / _MEMORY_SHARE)
         self._mm = decay * self._mm + driven * driven / expected
@@ -143,7 +144,7 @@ class EnergyModel:
 
     @property
     def rates(self) -> ConsumptionRates:
-        """Current estimate of the rates."""
+        """The current estimate of the consumption rates."""
         by_metre, by_second = self._solve(self._mu + _PRIOR_SHARE, self._su + _PRIOR_SHARE)
         # If one rate of the optimum is negative, the best valid solution has 0 for this rate.
         if by_metre < 0.0:
@@ -153,7 +154,7 @@ class EnergyModel:
         return ConsumptionRates(by_metre * self.prior.per_m, by_second * self.prior.per_sec)
 
     def _solve(self, first: float, second: float) -> tuple[float, float]:
-        """Return the solution of the least-squares equations for a right-hand side."""
+        """Solve the least-squares equations for a given right-hand side."""
         mm, ss = self._mm + _PRIOR_SHARE, self._ss + _PRIOR_SHARE
         determinant = mm * ss - self._ms * self._ms
         return (ss * first - self._ms * second) / determinant, (mm * second - self._ms * first) / determinant

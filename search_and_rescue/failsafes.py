@@ -1,4 +1,4 @@
-"""Failsafe conditions: SUCCESS in normal operation, FAILURE with a reason to end the mission early."""
+"""Failsafe conditions. They succeed in normal operation, and fail to end the mission early."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -31,7 +31,7 @@ _BASE_LOST = "losses_left -= base_lost ? 0 : 1; base_lost = true"
 
 @dataclass(eq=False, repr=False)
 class _Failsafe(RosLeaf):
-    """Base class of the failsafe conditions. A condition reports a problem only once, until the problem is solved.
+    """The base class of the failsafe conditions. A condition reports a problem only when the problem first occurs.
 
     Args:
         record: Records each problem as an alarm, whose text `AbandonZones` uses as the reason.
@@ -46,7 +46,7 @@ class _Failsafe(RosLeaf):
         self._raised = False
 
     def _report_problem(self, problem: str) -> Status:
-        """Return SUCCESS if *problem* is empty; otherwise return FAILURE, and report the problem if it is new."""
+        """Return FAILURE if there is a problem, and report the problem if it is new. Otherwise return SUCCESS."""
         if problem and not self._raised:
             self.warn(f"Failsafe: {problem}.")
             self.record.record_alarm(problem)
@@ -57,7 +57,7 @@ class _Failsafe(RosLeaf):
 
 @dataclass(eq=False, repr=False)
 class _CommandCondition(_Failsafe):
-    """Base class of conditions that fail as soon as the operator has given a command that ends the mission early.
+    """The base class of conditions that fail after the operator has given a command to end the mission early.
 
     Args:
         orders: The operator's commands.
@@ -79,7 +79,7 @@ class _CommandCondition(_Failsafe):
         super().shutdown()
 
     def update(self) -> Status:
-        """Check whether the command was given."""
+        """Check whether the operator has given the command."""
         return self._report_problem(self._reason() if self.command in self.orders.given else "")
 
     def _reason(self) -> str:
@@ -98,7 +98,7 @@ class _CommandCondition(_Failsafe):
     outcomes=(Outcome("SUCCESS", "not aborted"), Outcome("FAILURE", "aborted")),
 )
 class NotAborted(_CommandCondition):
-    """Check that the operator has not aborted the mission: FAILURE once the service `~/abort` (`std_srvs/srv/Trigger`) was called."""
+    """Check that the operator has not aborted the mission with the service `~/abort` (`std_srvs/srv/Trigger`)."""
 
     command, subject = "abort", "the mission"
 
@@ -109,7 +109,7 @@ class NotAborted(_CommandCondition):
     outcomes=(Outcome("SUCCESS", "not recalled"), Outcome("FAILURE", "recalled")),
 )
 class NotRecalled(_CommandCondition):
-    """Check that the operator has not called the robot home: FAILURE once the service `~/go_home` (`std_srvs/srv/Trigger`) was called."""
+    """Check that the operator has not called the robot home with the service `~/go_home` (`std_srvs/srv/Trigger`)."""
 
     command, subject = "go_home", "the robot"
 
@@ -124,7 +124,7 @@ class NotRecalled(_CommandCondition):
     facts={"navigation_lost": False},
 )
 class NavigationAvailable(_Failsafe):
-    """Check that navigation is available: FAILURE if Nav2 or the localisation was unavailable when the last drive ended.
+    """Check that Nav2 and the localisation were available when the last drive ended. Otherwise the leaf fails.
 
     A drive that failed for this reason does not show whether the target is reachable. The zone is therefore
     neither postponed nor abandoned.
@@ -147,7 +147,7 @@ class NavigationAvailable(_Failsafe):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class BatterySuffices(_Failsafe, TopicLeaf):
-    """Check that the battery's charge is sufficient: FAILURE if the charge is below a limit, or unknown for too long.
+    """Check the battery's charge. The leaf fails if the charge is below a limit, or unknown for too long.
 
     A percentage that is not a number from 0 to 1 is ignored.
 
@@ -175,7 +175,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         self._is_limit_recorded = False
 
     def setup(self, **kwargs: Any) -> None:
-        """Subscribe to the topic, and pass the limit to the estimates for the way home."""
+        """Subscribe to the battery topic, and add the limit to the estimates for the way home."""
         super().setup(**kwargs)
         if self.homing is not None:
             self.homing.ends_below = max(self.homing.ends_below, self.at_least)
@@ -195,7 +195,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         return self._report_problem(low if share < self.at_least else "")
 
     def on_silence(self) -> Status:
-        """Return SUCCESS while the first message is awaited, and FAILURE after `max_age_sec` without a message."""
+        """Return SUCCESS while waiting for a message. After `max_age_sec` without a message, return FAILURE."""
         if self._silent_since is None:
             self._silent_since = self._now_sec()
         # After a first message, the base class calls this method only when `max_age_sec` has passed.
@@ -211,7 +211,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
 )
 @dataclass(eq=False, repr=False)
 class InsideFence(_Failsafe):
-    """Check that the robot is inside the geofence: SUCCESS also without a geofence or a known position.
+    """Check that the robot is inside the geofence. The leaf also succeeds without a geofence or known position.
 
     The parameter `geofence` defines the geofence. The position is computed from the transform from `map` and
     the odometry, or otherwise taken from the last `amcl_pose`. The condition also returns FAILURE if the last
@@ -254,7 +254,7 @@ class InsideFence(_Failsafe):
 )
 @dataclass(eq=False, repr=False)
 class MissionTimeLeft(_Failsafe):
-    """Check that mission time is left: FAILURE after the time limit, measured from the first tick.
+    """Check that mission time is left. The leaf fails after the time limit, which begins at the first tick.
 
     Args:
         limit: Time limit of the mission, seconds of the mission's clock. The time continues while nodes are
@@ -292,7 +292,7 @@ class MissionTimeLeft(_Failsafe):
 )
 @dataclass(eq=False, repr=False)
 class BaseInReach(_Failsafe):
-    """Check that the base station is available: FAILURE if its service was missing for longer than `patience`.
+    """Check that the base station is available. The leaf fails if its service is missing longer than `patience`.
 
     If the base station is killed, its service remains visible for about 20 s, which is the lease duration of
     the middleware. The time `patience` starts after these 20 s.
@@ -317,7 +317,7 @@ class BaseInReach(_Failsafe):
         self._seen: float | None = None
 
     def update(self) -> Status:
-        """Check whether a server of the service exists."""
+        """Check whether a server for the service of the base station exists."""
         now, service = self.clock.now(), self.node.resolve_service_name(self.service_name)
         if self._seen is None or self.node.count_services(service):
             self._seen = now

@@ -1,4 +1,4 @@
-"""Simulate a hidden survivor; the probabilities of the areas determine the random position and detection.
+"""Simulate a survivor at a random position. The probabilities of the areas determine position and detection.
 
 In an area with a polygon, the survivor is at a random position inside the polygon, and is detected only within the detection range.
 """
@@ -18,7 +18,7 @@ _AHEAD_M = 1.0
 
 
 class HiddenSurvivor:
-    """A survivor in a random area (probability POA); a search of this area succeeds with the probability POD.
+    """A survivor in a random area, chosen by POA. A search of this area detects the survivor with probability POD.
 
     The seed determines the survivor's position, and how many searches of the survivor's area are needed until
     the detection. Neither depends on the order of areas and searches.
@@ -69,7 +69,7 @@ class HiddenSurvivor:
                 return x, y
 
     def search(self, area: str, robot: tuple[float, float] | None = None) -> tuple[float, float] | None:
-        """Search an area; return the position of a detected survivor (metres, frame `map`), or None if none is detected.
+        """Search an area. Return the survivor's position (metres, frame `map`), or None if no survivor is detected.
 
         Args:
             area: The name of the area.
@@ -86,7 +86,7 @@ class HiddenSurvivor:
 
 
 def read_hidden_survivor(reader: ParameterReader, areas: Mapping[str, SearchExpectation]) -> bool:
-    """Return whether the parameter `hidden_survivor` makes the simulator hide a survivor at a random position."""
+    """Return whether the parameters let the simulator hide a survivor at a random position."""
     hides = reader.switch(HIDDEN, default=False)
     if hides and not areas:
         reader.report_error(HIDDEN, "needs probabilities to place the survivor: add poa and pod of each zone")

@@ -266,7 +266,7 @@ class PlanSweep(_PlanLeaf):
 )
 @dataclass(eq=False, repr=False)
 class RefineSweep(_PlanLeaf):
-    """Plan another pass over the gaps in the current zone's sweep: SUCCESS if there are such gaps.
+    """Plan another pass over the gaps in the sweep of the current zone. The leaf succeeds if there are gaps.
 
     FAILURE if the zone has the required POD, if all passes were made, or if no gap can be reached.
 
@@ -304,7 +304,7 @@ class RefineSweep(_PlanLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateToPiece(NavigateTo):
-    """Drive to the current piece of the sweep, and record the ground that is seen on the way.
+    """Drive to the current piece of the sweep, and record the ground that the robot sees on the way.
 
     RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive.
 
@@ -329,7 +329,7 @@ class NavigateToPiece(NavigateTo):
         self._robot = robot_estimate(self.node)
 
     def goal(self) -> Any:
-        """Return the goal for the current piece, SUCCESS if an earlier run searched it, or FAILURE if none is open."""
+        """Return the goal for the current piece, SUCCESS if it was already searched, or FAILURE if none is open."""
         zone = self.zone_manager.current_zone()["id"] if self.zone_manager.has_remaining() else ""
         sweep = self.sweeps.state_of(zone)
         if not sweep.open_count:
@@ -353,7 +353,7 @@ class NavigateToPiece(NavigateTo):
             self.record.zone_started(zone)
 
     def update(self) -> Status:
-        """Return the leaf's status; add the ground seen since the last update to the searched ground."""
+        """Return the leaf's status. Record the ground that the robot has seen since the last update."""
         status = super().update()
         self._add_seen_ground()
         return status
@@ -395,7 +395,7 @@ class NavigateToPiece(NavigateTo):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateThroughPieces(NavigateToPiece):
-    """Drive through all open pieces of the sweep without a stop, and mark each passed piece as swept.
+    """Drive through all open pieces of the sweep without stopping, and mark each passed piece as swept.
 
     RUNNING on the way, SUCCESS when the last piece is passed, FAILURE if the robot does not arrive. The leaf
     returns FAILURE at once if the robot must drive to the pieces one by one. This is the case if no server
@@ -441,7 +441,7 @@ class NavigateThroughPieces(NavigateToPiece):
         return goal
 
     def on_feedback(self, feedback: Any) -> Status | None:
-        """Store the remaining distance, and mark passed pieces."""
+        """Show the remaining distance, and mark the passed pieces as swept."""
         super().on_feedback(feedback)
         self._add_seen_ground()
         # Nav2 never reports the last pose as passed; the result does.
@@ -453,7 +453,7 @@ class NavigateThroughPieces(NavigateToPiece):
         return self._mark_remaining() if self.homing.shortage(self.clock.now()) else None
 
     def on_result(self, status: int, result: Any) -> Status:
-        """Mark all pieces and return SUCCESS at the end of the drive; otherwise log Nav2's reason and return FAILURE."""
+        """If the drive succeeded, mark all pieces and return SUCCESS. Otherwise log the reason and return FAILURE."""
         self._add_seen_ground()
         if status != SUCCEEDED:
             if error_code(result) in OF_PLANNER:
@@ -465,7 +465,7 @@ class NavigateThroughPieces(NavigateToPiece):
         return self.outcome(Status.SUCCESS, "all done")
 
     def _mark_swept(self, left: int) -> bool:
-        """Mark pieces as swept until `left` of the sent pieces remain; return whether a piece was marked."""
+        """Mark pieces as swept until `left` of the sent pieces remain. Return whether any piece was marked."""
         before = self.sweeps.state_of(self._zone_id).done
         for number in range(before, self._end - left):
             # The arrival at the last piece was checked against the localisation.
@@ -478,7 +478,7 @@ class NavigateThroughPieces(NavigateToPiece):
         return self._end - left > before
 
     def _passed_near(self, piece: MapPose) -> bool:
-        """Return whether the robot passed a piece according to the localisation; True if its track is unknown."""
+        """Return whether the robot passed a piece. Return True if the track of the robot is unknown."""
         there, track = (piece["x"], piece["y"]), self._track
         steps = itertools.pairwise(track if len(track) > 1 else track * 2)
         return not track or min(_distance_to(there, *step) for step in steps) <= _PASSES_M
@@ -489,7 +489,7 @@ class NavigateThroughPieces(NavigateToPiece):
 
 
 def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tuple[float, float]) -> float:
-    """Return the distance of a point from the line segment between two other points, metres."""
+    """Return the distance between a point and the line segment from *start* to *end*, in metres."""
     (x, y), along = start, (end[0] - start[0], end[1] - start[1])
     length = math.hypot(*along)
     share = ((point[0] - x) * along[0] + (point[1] - y) * along[1]) / length**2 if length else 0.0
@@ -498,7 +498,7 @@ def _distance_to(point: tuple[float, float], start: tuple[float, float], end: tu
 
 
 def _plan_of(zone: str, sweep: SweepState) -> tuple[str, int, int]:
-    """Return the identity of a zone's plan; skipping a piece changes the identity."""
+    """Return a value that identifies the plan of a zone. Skipping a piece changes this value."""
     return zone, sweep.passes, sweep.skipped
 
 
@@ -515,7 +515,7 @@ def _plan_of(zone: str, sweep: SweepState) -> tuple[str, int, int]:
 )
 @dataclass(eq=False, repr=False)
 class AdvancePiece(_SweepLeaf):
-    """Mark the current piece as swept, record the ground seen, and make the next piece the current one.
+    """Mark the current piece as swept, record the ground that was seen, and make the next piece current.
 
     Args:
         until_pod: Probability of detection, 0 to 1. Ground with a lower probability of detection is a gap.
@@ -530,7 +530,7 @@ class AdvancePiece(_SweepLeaf):
         map_extent_of(self.node)
 
     def update(self) -> Status:
-        """Finish the current piece, and log the result of the sweep after the last piece of a pass."""
+        """Finish the current piece. After the last piece of a pass, log the result of the sweep."""
         zone = self._zone
         if not self.sweeps.state_of(zone).open_count:
             return self.outcome(Status.SUCCESS, "no piece")
@@ -554,10 +554,10 @@ class AdvancePiece(_SweepLeaf):
     facts=_PIECES,
 )
 class SkipPiece(_SweepLeaf):
-    """Skip the current piece, which cannot be reached or searched; the next piece becomes the current one."""
+    """Skip the current piece, which cannot be reached or searched. The next piece becomes the current piece."""
 
     def update(self) -> Status:
-        """Skip it."""
+        """Skip the current piece."""
         zone = self._zone
         sweep = self.sweeps.state_of(zone)
         if not sweep.open_count:
@@ -581,7 +581,7 @@ class SkipPiece(_SweepLeaf):
 )
 @dataclass(eq=False, repr=False)
 class IsFindNew(RosLeaf):
-    """Check that the survivor found by the last search has no name yet; FAILURE if the survivor is known.
+    """Check that the survivor found by the last search is new. The leaf fails if the survivor is already known.
 
     During a sweep the same survivor is detected from several pieces, at slightly different positions.
 
@@ -601,7 +601,7 @@ class IsFindNew(RosLeaf):
         super().__init__(self.name)
 
     def update(self) -> Status:
-        """Compare with the survivors detected before."""
+        """Compare the detected survivor with the survivors that were detected before."""
         place = self.detect_node.survivor_pose()
         if place is None:
             return self.outcome(Status.FAILURE, "nobody")

@@ -45,7 +45,7 @@ _POSTPONED = (
     writes=("at",),
 )
 class AdvanceZone(RosLeaf):
-    """Mark the current zone as visited, so that the next one becomes the current zone.
+    """Mark the current zone as visited. The next zone then becomes the current zone.
 
     Args:
         name: The node's name.
@@ -57,7 +57,7 @@ class AdvanceZone(RosLeaf):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Advance to the next zone, and request a tick; do nothing if no zone is left."""
+        """Advance to the next zone, and request a tick. Do nothing if no zone is left."""
         if not self._zones.has_remaining():
             return self.outcome(Status.SUCCESS, "no zone")
         self._zones.select_next_zone()
@@ -77,7 +77,7 @@ class AdvanceZone(RosLeaf):
     facts={"zones_left": 3},
 )
 class ChooseZone(RosLeaf):
-    """Choose the current zone from the remaining zones; RUNNING while the choice is computed in the background.
+    """Choose the current zone from the remaining zones. The leaf computes the choice in the background.
 
     `listed` keeps the order of the plan. `nearest` chooses the zone that the robot reaches first.
     `expected_find` computes the order with the shortest expected time to the first detection, given the
@@ -123,7 +123,7 @@ class ChooseZone(RosLeaf):
         self._approximation = ""
 
     def setup(self, **kwargs: Any) -> None:
-        """Create the planner clients, if paths are needed."""
+        """Offer the service for hints, and create the planner clients if paths are needed."""
         self._release()
         super().setup(**kwargs)
         if self._zones.areas:
@@ -154,12 +154,12 @@ class ChooseZone(RosLeaf):
         return self.outcome(Status.RUNNING, "choosing")
 
     def terminate(self, new_status: Status) -> None:
-        """Discard requests and computations if the leaf is halted."""
+        """If the leaf is halted, discard all requests and computations."""
         if new_status is Status.INVALID:
             self._clear_choice()
 
     def shutdown(self) -> None:
-        """Withdraw the service, release the clients and the node."""
+        """Withdraw the service, and release the planner clients and the ROS node."""
         self._release()
         self._orders.destroy_services()
         super().shutdown()
@@ -171,7 +171,7 @@ class ChooseZone(RosLeaf):
         self._ways = None
 
     def _on_hint(self, request: Any, response: Any) -> Any:
-        """Accept a hint; the hint takes effect when the next zone is chosen."""
+        """Accept a hint from the operator. The hint takes effect when the next zone is chosen."""
         ratio, zone, refusal = request.likelihood_ratio, request.zone_id, ""
         if not zone:
             try:
@@ -226,7 +226,7 @@ class ChooseZone(RosLeaf):
     facts={"zones_left": 3, "round": 1, "postponed_in_round": 0},
 )
 class PostponeZone(RosLeaf):
-    """Move the current zone to the end of the plan for a later attempt; FAILURE after the zone's last attempt.
+    """Move the current zone to the end of the plan for a later attempt. The leaf fails after the last attempt.
 
     Args:
         zone_manager: The mission's zones.
@@ -241,9 +241,9 @@ class PostponeZone(RosLeaf):
         self._attempts = attempts
 
     def update(self) -> Status:
-        """Postpone the zone if attempts are left."""
+        """Postpone the current zone if attempts are left for this zone."""
         if not self._zones.has_remaining():
-            self.warn(f"'{self.name}' cannot postpone a zone: none is left.")
+            self.warn(f"'{self.name}' cannot postpone a zone: no zone is left.")
             return Status.FAILURE
         zone_id, attempt = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
         if attempt >= self._attempts:
@@ -265,7 +265,7 @@ class PostponeZone(RosLeaf):
     facts={"zones_left": 3, "zones_abandoned": 0},
 )
 class AbandonZone(RosLeaf):
-    """Remove the current zone from the plan without a visit; the mission can then no longer be complete.
+    """Remove the current zone from the plan without a visit. The mission then stays incomplete.
 
     Args:
         zone_manager: The mission's zones.
@@ -276,7 +276,7 @@ class AbandonZone(RosLeaf):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Abandon the current zone; do nothing if no zone is left."""
+        """Abandon the current zone. Do nothing if no zone is left."""
         if not self._zones.has_remaining():
             return self.outcome(Status.SUCCESS, "no zone")
         zone_id, attempts = self._zones.current_zone()["id"], self._zones.times_postponed() + 1
@@ -293,7 +293,7 @@ class AbandonZone(RosLeaf):
     facts={"zones_left": 3, "zones_abandoned": 0},
 )
 class AbandonZones(RosLeaf):
-    """Remove all remaining zones from the plan without a visit; the reason is that of the last failsafe.
+    """Remove all remaining zones from the plan without a visit. The last failsafe defines the reason.
 
     Args:
         zone_manager: The mission's zones.
