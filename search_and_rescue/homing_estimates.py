@@ -9,13 +9,13 @@ from search_and_rescue.sweep_record import SweepStates
 from search_and_rescue.zone_manager import Geofence, MapPose, PosePair, ZoneManager
 
 CHARGING = "charging"
-"""Prefix of the parameters with the poses of charging places."""
+"""The prefix of the parameters that define the poses of charging places."""
 ENERGY = "energy"
-"""Prefix of the parameters for battery consumption."""
+"""The prefix of the parameters that define the battery consumption."""
 RESERVE = 0.15
-"""Default charge that must be left on arrival at home, 1 for a full battery."""
+"""The default charge that must be left when the robot arrives at home; 1 is a full battery."""
 PRIOR = ConsumptionRates(per_m=0.0005, per_sec=0.0001)
-"""Default battery consumption of a robot."""
+"""The default battery consumption of a robot."""
 _WRONG_BY = EnergyModel.wrong_by
 # Maximum distance from the pose of the last search at which planned paths from this pose are used.
 _NEAR_M = 1.5
@@ -30,7 +30,7 @@ def _preview() -> "HomingEstimator":
 
 @mission_context(preview=_preview)
 class HomingEstimator:
-    """Estimates the charge and time that the way home needs, both from the robot's position and after the next leg.
+    """Estimates the battery charge and time for the way home, from the robot's position or after the next leg.
 
     Path lengths come from the `ZoneManager`. The search of a piece is assumed to take the zone's `look_sec`,
     divided by the number of pieces.
@@ -93,7 +93,7 @@ class HomingEstimator:
         return sweep.describe_piece(self.next_zone) if sweep.open_count else self.next_zone
 
     def required_paths(self) -> list[PosePair]:
-        """Return the pairs of poses whose path lengths are needed for the next leg and the way home.
+        """Return the pairs of poses between which the next leg and the way home lead.
 
         Raises:
             IndexError: If every zone is visited.
@@ -101,7 +101,7 @@ class HomingEstimator:
         return self.zones.required_paths([self._target()[0]], between=False)
 
     def _target(self) -> tuple[MapPose, float]:
-        """Return the target of the next leg, and the duration of a search at the target, seconds."""
+        """Return the target of the next leg, and the duration of the search there in seconds."""
         zone = self.zones.current_zone()
         look_sec = self.zones.areas.get(zone["id"], SearchExpectation(0.0, 0.0)).look_sec
         sweep = self._sweeps.state_of(zone["id"])
@@ -110,7 +110,7 @@ class HomingEstimator:
         )
 
     def await_charge(self) -> None:
-        """Start to wait for a charged or swapped battery; `is_charged` is False until then."""
+        """Start to wait for a charged or swapped battery. Until then, `is_charged` is False."""
         self._charges = self.energy.charges
 
     @property
@@ -119,11 +119,11 @@ class HomingEstimator:
         return self.energy.charges > self._charges
 
     def home(self) -> TripEstimate:
-        """Return the trip from the robot's position to the base station."""
+        """Estimate the trip from the robot's position to the base station."""
         return self._drive(self._trip_from_robot(self.zones.base_pose()))
 
     def leg(self, start: MapPose | None = None) -> TripEstimate:
-        """Return the trip to the current zone or piece, including the search there and the way home.
+        """Estimate the drive to the current zone or piece, the search there, and the way home.
 
         Args:
             start: The start of the trip; None for the robot's position.
@@ -148,7 +148,7 @@ class HomingEstimator:
 
     @property
     def spare_charge(self) -> float:
-        """Charge above the reserve and the failsafe's limit, 1 for a full battery; negative if the charge is below them."""
+        """The charge above the reserve and the failsafe's limit, 1 for a full battery. May be negative."""
         return self.energy.share - self._reserve
 
     @property
@@ -156,7 +156,7 @@ class HomingEstimator:
         return self.reserve + self.ends_below
 
     def late(self, now: float) -> str:
-        """Return why the mission time is too short for the next leg and the way home; empty if it suffices.
+        """Return why the mission time is too short for the next leg and the way home; empty if there is enough time.
 
         Args:
             now: The current time, seconds of the mission's clock.
@@ -170,7 +170,7 @@ class HomingEstimator:
         return f"{self.next_leg} and the way home need {needed:.0f} s, but only {max(0.0, left):.0f} s of the mission time are left"
 
     def shortage(self, now: float = 0.0) -> str:
-        """Return why charge or mission time is too small for the next leg and the way home; empty if both suffice.
+        """Return why the charge or time is too low for the next leg and the way home; empty if both suffice.
 
         Args:
             now: The current time, seconds of the mission's clock.
@@ -186,7 +186,7 @@ class HomingEstimator:
         return f"{self.next_leg} needs {need:.0%} of a full battery ({trip.metres:.0f} m, {trip.seconds:.0f} s), but the battery is at {self.energy.share:.0%}, and the reserve is {self.reserve:.0%}{above}"
 
     def charging_stop(self) -> tuple[str, MapPose]:
-        """Return the best place for charging: the charging place's ID (empty for the base station), and the pose.
+        """Return the ID and the pose of the best place for charging. The ID of the base station is empty.
 
         The best place is the nearest one that the robot reaches without using the reserve. Places from which a full battery suffices for the
         next leg are preferred. If no charging place is reachable, the base station is returned. It is assumed
@@ -201,11 +201,11 @@ class HomingEstimator:
         return name, among[name]
 
     def trip_to(self, pose: MapPose) -> TripEstimate:
-        """Return the trip from the robot's position to a pose."""
+        """Estimate the trip from the robot's position to a pose."""
         return self._drive(self._trip_from_robot(pose))
 
     def _reachable_stops(self) -> dict[str, MapPose]:
-        """Return by ID the poses of charging places that the robot reaches without the reserve; home has an empty ID."""
+        """Return the poses of all reachable places for charging, by ID. The ID of the base station is empty."""
         near = {name: pose for name, pose in self.zones.charging.items() if self._is_in_reach(pose)}
         base = self.zones.base_pose()
         return {"": base, **near} if not near or self._is_in_reach(base) else near
@@ -217,7 +217,7 @@ class HomingEstimator:
         return self.energy.need(self.leg(start)) <= 1.0 - self._reserve
 
     def excess(self) -> str:
-        """Return why even a full battery is too small for the next leg and the way home; empty if it suffices.
+        """Return why a full battery does not suffice for the next leg and the way home; empty if it suffices.
 
         Raises:
             IndexError: If every zone is visited.
@@ -232,7 +232,7 @@ class HomingEstimator:
         return f"{self.next_leg} needs {need:.0%} of a full battery from home and back ({trip.metres:.0f} m, {trip.seconds:.0f} s), but only {1.0 - self._reserve:.0%} is available above the reserve"
 
     def shortage_figures(self) -> dict[str, float | None]:
-        """Return figures for a shortage event: charge, metres and seconds of the next leg, and the battery's charge.
+        """Return the data of a shortage event: needs of the next leg (charge, metres, seconds) and battery charge.
 
         Raises:
             IndexError: If every zone is visited.
@@ -246,7 +246,7 @@ class HomingEstimator:
         }
 
     def figures(self) -> list[Figure]:
-        """Return the charge for the way home, and the distance and time before the point of no return.
+        """Return the charge needed for the way home, and the distance and time left until the point of no return.
 
         Figures are only returned after the tree has checked the way home and the battery's charge is known.
         """
@@ -267,7 +267,7 @@ class HomingEstimator:
 def read_homing(
     reader: ParameterReader, zones: ZoneManager, sweeps: SweepStates, speed_mps: float
 ) -> HomingEstimator:
-    """Read the optional parameters `energy.{per_m,per_sec,wrong_by,reserve}`, and return the estimator."""
+    """Create the estimator from the optional parameters `energy.{per_m,per_sec,wrong_by,reserve}`."""
     reader.report_unknown_names(ENERGY, _NAMES)
     prior = ConsumptionRates(
         *(reader.positive(f"{ENERGY}.{name}", getattr(PRIOR, name)) for name in ConsumptionRates._fields)
@@ -283,7 +283,7 @@ def read_homing(
 
 
 def read_charging(reader: ParameterReader, fence: Geofence) -> dict[str, MapPose]:
-    """Read the poses of charging places other than the base station from the parameters `charging.<id>.{x,y,yaw}`."""
+    """Read the poses of additional charging places from the parameters `charging.<id>.{x,y,yaw}`."""
     places = dict[str, MapPose]()
     for name, given in reader.group(CHARGING, _POSE).items():
         for missing in sorted({"x", "y"} - given):

@@ -1,4 +1,4 @@
-"""The operator's commands: their declarations (service, button, event and text), and the commands given so far."""
+"""The operator's commands: the declaration of each command, and the commands given so far."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -46,7 +46,7 @@ class OperatorCommands:
 
     @property
     def author(self) -> CommandAuthor:
-        """The author of the command that is being executed: name, such as `Ann (page, 127.0.0.1)`, and reason."""
+        """The author of the command that is being executed: a name, such as `Ann (page, 127.0.0.1)`, and a reason."""
         author = self.journal.author
         return author if author.name else CommandAuthor(_UNKNOWN_AUTHOR)
 
@@ -57,7 +57,7 @@ class OperatorCommands:
         )
 
     def change_plan(self, how: str, *, skips: bool = False) -> None:
-        """Request that `NotHeld` restarts the mission, because the plan has changed.
+        """Store a change of the plan, so that `NotHeld` restarts the mission.
 
         Args:
             how: Description of the change.
@@ -66,7 +66,7 @@ class OperatorCommands:
         self.plan_change, self.has_skipped = how, self.has_skipped or skips
 
     def apply(self, fact: JournalEntry) -> None:
-        """Update the commands from an event; events of other kinds are ignored.
+        """Update the commands from an event. Ignore events of other kinds.
 
         Raises:
             LookupError or ValueError: If the command is unknown, or does not change the mission's mode.
@@ -84,17 +84,17 @@ class OperatorCommands:
         self.held = command == "pause"
 
     def describe(self, command: str) -> str:
-        """Return the effect, author and reason of a command, such as `paused by Ann (page, 127.0.0.1): smoke in the corridor`."""
+        """Describe a command by effect, author and reason: `paused by Ann (page, 127.0.0.1): smoke in the corridor`."""
         return f"{_COMMANDS[command].done} by {self.given.get(command, _UNKNOWN_AUTHOR)}"
 
     def line(self, command: str, more: str = "") -> str:
-        """Return a log line about the command that is being executed; `more` is added to the first sentence."""
+        """Return a log line about the command that is being executed. The first sentence ends with `more`."""
         by, reason = self.author
         sentence = f"Command {command} by {by}{f': {more}' if more else ''}."
         return f"{sentence} Reason: {reason}." if reason else sentence
 
     def offer(self, node: "Node", command: str, execute: Callable[[Any, Any], Any]) -> None:
-        """Create the service of a command on a node, unless another leaf has already created the service.
+        """Create the service of a command on a node. Do nothing if another leaf has already created the service.
 
         Args:
             node: The mission's node.
@@ -106,7 +106,7 @@ class OperatorCommands:
             self._services[command] = node, node.create_service(kind, f"~/{command}", execute)
 
     def destroy_services(self) -> None:
-        """Destroy the services, unless they were already destroyed together with the node."""
+        """Destroy all services that were not already destroyed together with their node."""
         services, self._services = self._services, {}
         for node, service in services.values():
             if is_node_valid(node):
@@ -170,7 +170,7 @@ def _review_text(survivor: str, standing: str, same_as: str | None) -> str:
 
 
 class CommandSpec(NamedTuple):
-    """The declaration of a command to the mission.
+    """The declaration of a command that an operator can give.
 
     Attributes:
         verb: The command's service, the fields of the service's request, and the command's button.
@@ -204,7 +204,7 @@ COMMANDS = (
             "skip_zone",
             "Skip zone",
             "The current zone is abandoned.",
-            confirm="This zone will not be searched. Anyone in it will not be found by this mission.",
+            confirm="This zone will not be searched. This mission will not find anyone who is in this zone.",
             named="Skip {}",
         ),
         ("NotHeld",),
@@ -215,7 +215,7 @@ COMMANDS = (
         OperatorCommand(
             "add_zone",
             "Add zone",
-            "A further zone is added at the end of the plan.",
+            "A new zone is added at the end of the plan.",
             "sar_interfaces/srv/AddZone",
             (
                 CommandField("zone", "Name", landmark="zone"),
@@ -233,10 +233,12 @@ COMMANDS = (
         OperatorCommand(
             "add_area",
             "Draw an area",
-            "A further area is swept. You can also change an area if its search has not started.",
+            "A new area is swept. You can also change an existing area if its search has not started.",
             "sar_interfaces/srv/AddArea",
             (
-                CommandField("zone", "Name (an existing name changes that area)", landmark="zone"),
+                CommandField(
+                    "zone", "Name (the name of an existing area changes this area)", landmark="zone"
+                ),
                 CommandField("corners", "Corners", "polygon", optional=True),
                 CommandField("poa", "probability that a person is there, 0 to 1", "number", optional=True),
                 CommandField(
@@ -253,7 +255,7 @@ COMMANDS = (
         OperatorCommand(
             "add_hint",
             "Add a hint",
-            "A person is more or less likely to be in a zone. The hint takes effect when the next zone is chosen.",
+            "Report that a person is more or less likely to be in a zone. The hint takes effect when the next zone is chosen.",
             "sar_interfaces/srv/AddHint",
             (
                 CommandField(
@@ -327,9 +329,9 @@ COMMANDS = (
 _COMMANDS = {each.verb.name: each for each in COMMANDS}
 
 VERBS = tuple(each.verb for each in COMMANDS)
-"""The services and buttons of all commands."""
+"""The service and the button of each command."""
 
 SENTENCES: Mapping[str, Callable[..., str]] = {
     each.fact: each.sentence for each in COMMANDS if each.sentence is not None
 }
-"""The functions that format the events of commands as sentences, by event kind."""
+"""For each kind of command event, the function that formats such an event as a sentence."""

@@ -1,4 +1,4 @@
-"""Leaves that execute operator commands: pause, resume, changes of the plan, and reviews of detections."""
+"""Leaves that execute operator commands: pause, resume, change the plan, and review detections."""
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field
@@ -38,7 +38,7 @@ _SKIPPED = "orders_left -= 1; zones_left -= 1; zones_abandoned += 1"
 )
 @dataclass(eq=False, repr=False)
 class NotHeld(RosLeaf):
-    """Check that the mission may run: FAILURE while paused, and for one tick after the plan was changed.
+    """Check that the mission may run. The leaf fails while paused, and for one tick after a change of the plan.
 
     Put this condition before the mission in a ReactiveSequence. The mission is paused between the commands
     `~/pause` and `~/resume`. FAILURE halts the mission, which cancels the current goal. Afterwards the
@@ -98,7 +98,7 @@ class NotHeld(RosLeaf):
     def _execute(
         self, command: str, carry_out: Callable[[Any], str | None], request: Any, response: Any
     ) -> Any:
-        """Execute a command and return the response; refuse the command if `carry_out` returns an error."""
+        """Execute a command, and return the response. If `carry_out` returns an error, the command is refused."""
         refusal = carry_out(request)
         response.success, response.message = not refusal, refusal or "done"
         if refusal:
@@ -155,7 +155,7 @@ class NotHeld(RosLeaf):
     outcomes=(Outcome("SUCCESS", "stands"), Outcome("RUNNING", "moves")),
 )
 class AwaitStandstill(RosLeaf):
-    """Wait until the robot stands still: RUNNING, then SUCCESS, with a warning after `settle_timeout_sec`.
+    """Wait until the robot stands still. After `settle_timeout_sec`, succeed anyway and log a warning.
 
     The odometry must show standstill, and the goals of all actions must have ended, because a robot with an
     active goal may be about to drive. Without odometry, the robot is assumed to stand still as soon as the
@@ -172,7 +172,7 @@ class AwaitStandstill(RosLeaf):
         robot_estimate(self.node)
 
     def initialise(self) -> None:
-        """Start to wait for standstill."""
+        """Start to wait until the robot stands still."""
         self._rest = Standstill(self, self._wake, "the command to stop", with_goals=True)
 
     def update(self) -> Status:
@@ -180,7 +180,7 @@ class AwaitStandstill(RosLeaf):
         return Status.RUNNING if self._rest is not None and self._rest.is_awaited() else Status.SUCCESS
 
     def terminate(self, new_status: Status) -> None:
-        """Stop waiting for standstill if the leaf was halted."""
+        """If the leaf was halted, stop waiting."""
         if new_status is Status.INVALID and self._rest is not None:
             self._rest.give_up()
 

@@ -29,7 +29,7 @@ _ACTION = "compute_path_to_pose"
 
 
 class PathRequests:
-    """Requests paths from the planner, one after the other, and stores the path lengths in the `ZoneManager`.
+    """Requests one path after another from the planner, and stores the path lengths in the `ZoneManager`.
 
     Args:
         node: The mission's node.
@@ -53,7 +53,7 @@ class PathRequests:
         self._reported_reason = ""
 
     def request_paths(self, paths: Sequence[PosePair]) -> None:
-        """Start to request the paths whose length is unknown; if no server is available, request none."""
+        """Start to request the paths with unknown lengths. If no server is available, request no path."""
         self.give_up()
         self._paths, self._reasons = paths, set()
         self._open = [path for path in paths if not self._zones.has_path_length(*path)]
@@ -62,7 +62,7 @@ class PathRequests:
             self._stop(f"no server offers {_ACTION}")
 
     def are_awaited(self) -> bool:
-        """Return whether a response is still awaited; send the first request as soon as the server is available."""
+        """Return whether a response is still awaited. Send the first request when the server is available."""
         if self._open and self._due.has_passed:
             self._stop(f"no response within {self._timeout_sec:g} s")
         elif self._open and not self._is_waiting:
@@ -70,14 +70,14 @@ class PathRequests:
         return bool(self._open)
 
     def shortfall(self) -> str:
-        """Return a sentence on how many paths are estimated, and why; empty if the length of every path is known."""
+        """Return a text on how many path lengths are only estimated, and why; empty if all lengths are known."""
         unknown = sum(not self._zones.has_path_length(*path) for path in self._paths)
         if not unknown:
             return ""
         return f"{unknown} of {len(self._paths)} paths are estimated as {DETOUR:g} times the straight line: {self._reason}"
 
     def new_shortfall(self) -> str:
-        """Return the shortfall if the reason has changed since the previous call; otherwise an empty string."""
+        """Return the result of `shortfall` if the reason is new since the last call; otherwise an empty string."""
         previous, self._reported_reason = self._reported_reason, self._reason
         return self.shortfall() if self._reason != previous else ""
 
@@ -133,6 +133,6 @@ class PathRequests:
 
 
 def _length(start: MapPose, points: Sequence[tuple[float, float]], target: MapPose) -> float:
-    """Return the length of a path from the start through all points to the target, metres."""
+    """Return the length in metres of the path from the start through all points to the target."""
     whole = [(start["x"], start["y"]), *points, (target["x"], target["y"])]
     return math.fsum(math.dist(*step) for step in itertools.pairwise(whole))

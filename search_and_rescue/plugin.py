@@ -67,7 +67,7 @@ class SearchAndRescue(Mission):
         return shared_file_path("config", "mission_params.yaml")
 
     def default_properties(self, leaves: Collection[type]) -> Path | None:
-        """Return the property file for trees with these leaves; None for trees that do not visit zones and return home."""
+        """Return the property file for a tree with these leaves, or None if no file fits the tree."""
         if not {ZonesRemaining, NavigateToBase} <= set(leaves):
             return None
         early = "search_areas" if ReturnInReach in leaves else "mission"
@@ -76,7 +76,7 @@ class SearchAndRescue(Mission):
         )
 
     def begin(self, reader: ParameterReader) -> "Search":
-        """Read the parameters, and return a run at the start of the mission."""
+        """Read the parameters, and return the run with which a mission starts."""
         read_areas_file(reader)
         zones, base = reader.places("zone", AREA_KEYS), reader.pose("base_station")
         radius = reader.positive("duplicate_radius_m", DUPLICATE_RADIUS_M)

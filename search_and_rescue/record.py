@@ -1,4 +1,4 @@
-"""The record of a mission. The summary and the exit status are derived from this record."""
+"""The record of a mission. It determines the summary and the exit status."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,16 +19,16 @@ from search_and_rescue import search_events
 from search_and_rescue.zone_manager import ZoneManager
 
 DUPLICATE_RADIUS_M = 3.0
-"""Default distance below which two detections may be the same survivor, metres."""
+"""Two detections closer than this default distance, in metres, may be the same survivor."""
 UNSEARCHED = "visited, not searched"
-"""State of a zone that the robot has visited without finishing a search."""
+"""The state of a zone that the robot has visited without finishing a search."""
 
 
 class DetectionVerdict(str, Enum):
-    """The operator's review of a detection."""
+    """The operator's verdict on a detection."""
 
     CANDIDATE = "candidate"
-    """Not reviewed yet."""
+    """The operator has not reviewed the detection yet."""
     CONFIRMED = "confirmed"
     """The detection is a survivor."""
     REJECTED = "rejected"
@@ -80,17 +80,17 @@ class FoundSurvivor:
 
     @property
     def counts(self) -> bool:
-        """Whether the base station must receive a report. Rejected and merged detections need no report."""
+        """Whether the base station needs a report. Rejected and merged detections need no report."""
         return self.standing in (DetectionVerdict.CANDIDATE, DetectionVerdict.CONFIRMED)
 
     @property
     def is_unanswered(self) -> bool:
-        """Whether the base station has not acknowledged the report although it was sent more than once."""
+        """Whether the report was sent more than once, but the base station has not acknowledged the report."""
         return self.times_sent > 1 and self.counts and not self.acknowledged
 
     @property
     def report_state(self) -> str:
-        """State of the report: `acknowledged`, `kept`, `sent` or `not sent`."""
+        """The state of the report: `acknowledged`, `kept`, `sent` or `not sent`."""
         if self.acknowledged:
             return "acknowledged"
         return "kept" if self.kept else "sent" if self.sent_at is not None else "not sent"
@@ -118,12 +118,12 @@ class ZoneRecord:
 
 
 def describe_abandonment(attempts: int, reason: str) -> str:
-    """Return how and why a zone was abandoned, as the end of a sentence such as `zone_b was abandoned after attempt 3`."""
+    """Return how and why a zone was abandoned, as a phrase such as "abandoned after attempt 3"."""
     return f"abandoned: {reason}" if reason else f"abandoned after attempt {attempts}"
 
 
 def _state_sentences(zones: Iterable[tuple[str, str]]) -> list[str]:
-    """Return a sentence for each state in the pairs of a zone and its state; the sentence lists all zones in the state."""
+    """Return one sentence for each state. The sentence lists all zones that have this state."""
     names: dict[str, list[str]] = {}
     for zone, state in zones:
         names.setdefault(state, []).append(zone)
@@ -150,7 +150,7 @@ class SurvivorReport:
 
 @mission_context
 class StoredReports:
-    """The undelivered reports of one mission, built from the mission's events: one report for each survivor, the oldest first."""
+    """The undelivered reports of one mission, one for each survivor. The oldest report is first."""
 
     def __init__(self) -> None:
         self._reports: dict[str, SurvivorReport] = {}
@@ -160,7 +160,7 @@ class StoredReports:
         return len(self._reports)
 
     def __iter__(self) -> Iterator[SurvivorReport]:
-        """Iterate over a copy of the reports, so that reports may be delivered during the iteration."""
+        """Iterate over a copy of the reports, so that a report can be delivered during the iteration."""
         return iter(list(self._reports.values()))
 
     def apply(self, fact: JournalEntry) -> None:
@@ -180,7 +180,7 @@ class StoredReports:
 
 
 class ResumedOutcomes:
-    """Results of a mission's earlier runs. A resumed tree uses these results instead of repeating the work.
+    """The results of a mission's earlier runs. A resumed tree uses these results instead of repeating the work.
 
     The results are the searches and the survivor names since the robot last left a zone or finished a piece
     of a sweep. The results are returned in order, and each result only once. If the tree later repeats a
@@ -225,25 +225,25 @@ class ResumedOutcomes:
             self.home = fact.kind == search_events.BASE_REACHED
 
     def has_searched(self, zone_id: str) -> bool:
-        """Return whether an earlier run's search of a zone is available as a result."""
+        """Return whether an earlier run has searched a zone, and this result was not used yet."""
         return any(zone == zone_id for zone, _ in self._searches)
 
     def has_found(self, zone_id: str) -> bool:
-        """Return whether the first available result for a zone contains a detected survivor."""
+        """Return whether the first unused search result for a zone contains a detected survivor."""
         return next((place is not None for zone, place in self._searches if zone == zone_id), False)
 
     def pop_search(self, zone_id: str) -> tuple[float, float] | None:
-        """Remove a zone's first search, and return the position of the detected survivor, or None if none was detected."""
+        """Remove the first search result of a zone. Return the survivor's position, or None if no one was detected."""
         index = next(index for index, (zone, _) in enumerate(self._searches) if zone == zone_id)
         return self._searches.pop(index)[1]
 
     def pop_name(self, x: float, y: float) -> str | None:
-        """Remove and return the name of the survivor at a position; None if no name is available."""
+        """Remove and return the name of the survivor at a position, or return None if there is no name."""
         index = next((index for index, (_, place) in enumerate(self._names) if place == (x, y)), None)
         return None if index is None else self._names.pop(index)[0]
 
     def has_open_name(self, x: float, y: float) -> bool:
-        """Return whether an earlier run's name for the survivor at a position is available."""
+        """Return whether an earlier run has named the survivor at a position, and this name was not used yet."""
         return any(place == (x, y) for _, place in self._names)
 
     def has_named(self, survivor_id: str) -> bool:
@@ -251,14 +251,14 @@ class ResumedOutcomes:
         return survivor_id in self._survivors
 
     def pop_home(self) -> bool:
-        """Return whether the robot was at the base station at the end of the earlier runs; later calls return False."""
+        """Return whether the robot was at the base station after the earlier runs. Later calls return False."""
         home, self.home = self.home, False
         return home
 
 
 @mission_context
 class MissionRecord:
-    """The record of one mission, built from the events that the mission's leaves report.
+    """The record of one mission, built from the events that leaves report.
 
     Each method that records something writes an event to the journal. The event updates the record (`apply`)
     immediately, and again when a later run resumes the mission. A survivor who is detected again in the same
@@ -306,7 +306,7 @@ class MissionRecord:
 
     @property
     def is_searched(self) -> bool:
-        """Whether the current zone has been searched since the start of the drive to this zone."""
+        """Whether the robot has searched the current zone since the start of the last drive to this zone."""
         zone = self.zone_record(self.zone)
         return zone.searched is not None and zone.started is not None and zone.searched >= zone.started
 
@@ -321,7 +321,7 @@ class MissionRecord:
 
     @property
     def first_detection_sec(self) -> float | None:
-        """Time from the mission's start to the first detection that was not rejected or merged, seconds; None without one."""
+        """The time to the first detection that is not rejected or merged, in seconds; None if there is none."""
         found = next((each.found_at for each in self._survivors if each.counts), None)
         if found is None or self._began is None:
             return None
@@ -331,7 +331,7 @@ class MissionRecord:
 
     @property
     def alarm(self) -> str:
-        """The last reason to end the mission early, in words; empty if there is none."""
+        """The last reason to end the mission early, or an empty string if there is no such reason."""
         return self.alarms[-1] if self.alarms else ""
 
     def zone_started(self, zone_id: str) -> None:
@@ -348,7 +348,7 @@ class MissionRecord:
         self.journal.record_event(search_events.ZONE_SEARCHED, zone=zone_id, survivor=survivor)
 
     def survivor_unplaced(self, zone_id: str, reason: str) -> None:
-        """Record that a search found a survivor at an unusable position; the zone's next search removes this record.
+        """Record that a search found a survivor at an unusable position. The next search of the zone clears this.
 
         Args:
             zone_id: The zone.
@@ -358,7 +358,7 @@ class MissionRecord:
             self.journal.record_event(search_events.SURVIVOR_UNPLACED, zone=zone_id, reason=reason)
 
     def record_alarm(self, reason: str) -> None:
-        """Record an alarm, which is a reason to end the mission early, in words."""
+        """Record an alarm: a reason to end the mission early."""
         self.journal.record_event(search_events.ALARMED, reason=reason)
 
     def home_first(self, zone_id: str, reason: str, to: str = "", **figures: float | None) -> None:
@@ -379,22 +379,22 @@ class MissionRecord:
         self.journal.record_event(search_events.CHARGING_REACHED, place=place)
 
     def record_charge(self, share: float) -> None:
-        """Record that the battery suffices again, and record the battery's charge (1 for a full battery)."""
+        """Record that the battery suffices again. *share* is the battery's charge, 1 for a full battery."""
         self.journal.record_event(search_events.CHARGED, share=round(share, 4))
 
     def survivor_named(self, survivor_id: str, x: float, y: float) -> None:
-        """Record the name assigned to the survivor at a position; an earlier name is replaced."""
+        """Record the name assigned to the survivor at a position. The new name replaces an earlier name."""
         possibly = self._nearby_survivor(self._index_at(x, y), x, y)
         self.journal.record_event(
             search_events.SURVIVOR_NAMED, survivor=survivor_id, x=x, y=y, possibly=possibly
         )
 
     def survivor(self, survivor_id: str) -> FoundSurvivor | None:
-        """Return the survivor with a name; None if there is none."""
+        """Return the survivor with the given name, or None if there is no such survivor."""
         return next((known for known in self._survivors if known.survivor_id == survivor_id), None)
 
     def survivors_near(self, x: float, y: float, within: float) -> list[FoundSurvivor]:
-        """Return the named survivors within a distance of a position; all values are in metres, positions in the frame `map`."""
+        """Return the named survivors within a distance (metres) of a position (metres, frame `map`)."""
         return [
             each
             for each in self._survivors
@@ -404,7 +404,7 @@ class MissionRecord:
     def survivor_judged(
         self, survivor_id: str, standing: DetectionVerdict, same_as: str | None = None
     ) -> None:
-        """Record the operator's review of a detection.
+        """Record the operator's verdict on a detection.
 
         Args:
             survivor_id: The name of the detection.
@@ -420,7 +420,7 @@ class MissionRecord:
         self.journal.record_event(search_events.REPORT_SENT, survivor=survivor_id)
 
     def record_acknowledgement(self, survivor_id: str) -> None:
-        """Record the base station's acknowledgement of a report; the report is no longer stored for later delivery."""
+        """Record that the base station acknowledged a report, which is then no longer stored for delivery."""
         self.journal.record_event(search_events.REPORT_ACKNOWLEDGED, survivor=survivor_id)
 
     def report_kept(self, report: SurvivorReport) -> None:
@@ -434,12 +434,12 @@ class MissionRecord:
         self.journal.record_event(search_events.BASE_REACHED)
 
     def was_reported(self, survivor_id: str) -> bool:
-        """Return whether an earlier run named a survivor whose report the base station has acknowledged."""
+        """Return whether an earlier run named the survivor, and the base station acknowledged the report."""
         found = self.survivor(survivor_id)
         return self.before.has_named(survivor_id) and found is not None and found.acknowledged
 
     def unplaced_survivors(self) -> list[str]:
-        """Return a sentence without a full stop for each survivor whose detected position is unusable."""
+        """Return a sentence, without a full stop, for each survivor at an unusable position."""
         return [
             f"There is a survivor at an unusable position in {zone_id}: {zone.unplaced}"
             for zone_id, zone in self._zones.items()
@@ -452,11 +452,11 @@ class MissionRecord:
         return [zone for zone in self.zones_visited if self.zone_record(zone).searched is None]
 
     def open_points(self) -> list[str]:
-        """Return sentences about zones that were visited but not searched; the mission can be complete nevertheless."""
+        """Return sentences about zones visited but not searched. They do not make the mission incomplete."""
         return _state_sentences((zone, UNSEARCHED) for zone in self.unsearched_zones)
 
     def shortfalls(self, zones: ZoneManager) -> list[str]:
-        """Return a sentence for each unfinished item; empty if the mission is complete."""
+        """Return a sentence for each unfinished part of the mission; empty if the mission is complete."""
         given_up = [(name, zone.given_up) for name, zone in self._zones.items() if zone.given_up]
         lacking = _state_sentences(
             [*((zone["id"], "not visited") for zone in zones.remaining_zones()), *given_up]
@@ -563,12 +563,12 @@ class MissionRecord:
     }
 
     def _index_at(self, x: float, y: float) -> int:
-        """Return the index of the last survivor detected at a position, or the length of the list if there is none."""
+        """Return the index of the last survivor at a position, or the number of survivors if there is none."""
         found = [index for index, known in enumerate(self._survivors) if (known.x, known.y) == (x, y)]
         return found[-1] if found else len(self._survivors)
 
     def _nearby_survivor(self, before: int, x: float, y: float) -> str | None:
-        """Return the name of the nearest survivor, with an index below `before`, who may be the same person, or None."""
+        """Return the name of the nearest earlier survivor who may be the same person, or None."""
         named = [known for known in self._survivors[:before] if known.survivor_id and known.counts]
         nearest = min(named, key=lambda known: math.hypot(known.x - x, known.y - y), default=None)
         if nearest is None or math.hypot(nearest.x - x, nearest.y - y) > self._duplicate_radius_m:

@@ -1,4 +1,4 @@
-"""A run of the search and rescue mission: the shared state of the run, its display, its summary and its sentences."""
+"""A run of the search and rescue mission: its shared state, display, summary and event sentences."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
@@ -56,9 +56,9 @@ KINDS = (
     LandmarkKind("area", "areas", shaded_by="probability now"),
     LandmarkKind("gap", "gaps", remedy="Send people to search"),
 )
-"""The landmark kinds of every search."""
+"""The kinds of landmarks that every search displays."""
 CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
-"""The additional landmark kind if there are charging places."""
+"""The kind of landmark that is displayed if there are charging places."""
 # Maximum number of lines of the order of visits in the log.
 _MAX_LINES = 20
 # Alarm level of a return home after which the mission continues; the number is that of a warning in the log.
@@ -69,7 +69,7 @@ BASE = "base station"
 
 @dataclass(eq=False, repr=False)
 class Search(MissionRun):
-    """A run of a search. The parts of the run share one journal. Each event updates all parts that it concerns.
+    """A run of the mission. All parts of the run share one journal, and each event updates the parts concerned.
 
     Args:
         zones: The plan of the mission.
@@ -151,11 +151,11 @@ class Search(MissionRun):
         ]
 
     def identity(self) -> dict[str, object]:
-        """Return the data that identify the mission: ordered zones, base station, probabilities, charging places, grounds."""
+        """Return the data that identify the mission, such as the zones in order and the base station."""
         return self._identity
 
     def use_journal(self, journal: Journal) -> None:
-        """Apply the events of earlier runs in a journal, and record all later events in the journal.
+        """Apply the events that earlier runs have recorded in a journal. Record all later events in this journal.
 
         Raises:
             JournalError: If the events cannot be applied to this search.
@@ -220,7 +220,7 @@ class Search(MissionRun):
         )
 
     def _objects(self, phase: MissionPhase) -> dict[str, str]:
-        """Return the object of each command, by command: the mission's phase, the planned zones, or the current zone."""
+        """Return by command to which object the command applies: the mission's phase, all zones or one zone."""
         zones, plan = self.zones, ", ".join(self._plan)
         state = " ".join(filter(None, (phase.name or "active", phase.reason)))
         return {
@@ -287,7 +287,7 @@ class Search(MissionRun):
         return [Landmark("geofence", "geofence", *corners[0], corners=corners)] if corners else []
 
     def _grounds(self, zones: Sequence[Landmark], likely: Mapping[str, float]) -> Iterator[Landmark]:
-        """Yield a landmark for each zone polygon, which shows the progress of the sweep, and one for each gap in it."""
+        """Yield a landmark with the sweep progress for each zone polygon, and a landmark for each gap."""
         for zone in zones:
             ground, sweep = self.sweeps.grounds.get(zone.name), self.sweeps.state_of(zone.name)
             if ground is None:
@@ -306,7 +306,7 @@ class Search(MissionRun):
                 yield Landmark("gap", name, *gap[0], level=Level.GIVEN_UP, within=zone.name, corners=gap)
 
     def _swept(self, zone: str, likely: Mapping[str, float]) -> dict[str, object]:
-        """Return the figures of a zone's sweep; the labels are the terms of search manuals."""
+        """Return the figures of a zone's sweep. The labels are terms from search manuals."""
         ground, sweep = self.sweeps.grounds[zone], self.sweeps.state_of(zone)
         before = self.zones.areas.get(zone)
         return {
@@ -325,20 +325,20 @@ class Search(MissionRun):
         }
 
     def sentence(self, fact: JournalEntry) -> str:
-        """Return a sentence about an event of this mission; empty for events that every mission has."""
+        """Describe an event of this mission in a sentence. Return an empty string for events of all missions."""
         say = _SENTENCES.get(fact.kind)
         return say(**fact.data) if say is not None else ""
 
     def initial_facts(self) -> dict[str, int]:
-        """Return the number of zones for verification, as the initial value of the fact `zones_left`."""
+        """Return the initial facts for verification: the number of zones as `zones_left`."""
         return {"zones_left": self.zones.total_zones()}
 
     def added_facts(self) -> dict[str, int]:
-        """Return the number of zones that commands have added, as the amount to add to the fact `zones_left`."""
+        """Return the amounts to add to facts: the number of zones added by commands, as `zones_left`."""
         return {"zones_left": self.zones.total_zones() - self._zones_at_start}
 
     def limits(self) -> dict[str, int]:
-        """Return upper limits of the facts whose start values are unknown: the numbers of further pieces and commands."""
+        """Return upper limits of the facts with unknown initial values: the numbers of more pieces and commands."""
         return {"more_pieces": _ANY_NUMBER, "orders_left": _ANY_NUMBER}
 
     def verbs(self) -> Sequence[OperatorCommand]:
@@ -346,7 +346,7 @@ class Search(MissionRun):
         return VERBS
 
     def places(self) -> dict[str, tuple[float, float]]:
-        """Return the positions of the remaining zones by ID, metres, frame `map`."""
+        """Return the position of each remaining zone (metres, frame `map`), by ID."""
         return {zone["id"]: (zone["x"], zone["y"]) for zone in self.zones.remaining_zones()}
 
     def route(self) -> list[tuple[str, float, float]]:
@@ -360,7 +360,7 @@ class Search(MissionRun):
         return [(name, pose["x"], pose["y"]) for name, pose in self.zones.charging.items()]
 
     def searched_areas(self) -> list[SearchedArea]:
-        """Return the grounds and sweep widths of the remaining zones, to estimate a sweep of each at coverage 1."""
+        """Return the ground and sweep width of each remaining zone, to estimate sweeps at coverage 1."""
         left = {zone["id"] for zone in self.zones.remaining_zones()}
         return [
             SearchedArea(zone, ground.polygon, ground.sweep_width)
@@ -393,7 +393,7 @@ class Search(MissionRun):
         return self.record.open_points()
 
     def idle_reason(self) -> str:
-        """Return the reason why a run has nothing left to do; empty if a zone is left."""
+        """Return why the run has nothing left to do, or an empty string if a zone is left."""
         return "" if self.zones.has_remaining() else "No zone is left"
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:
