@@ -1,4 +1,4 @@
-"""Kinds of the mission's events in the journal. `docs/reference/journal.md` describes the data of each kind."""
+"""The kinds of events that the mission records. `docs/reference/journal.md` describes the data of each kind."""
 
 ZONE_STARTED, ZONE_SEARCHED, SURVIVOR_UNPLACED = "zone_started", "zone_searched", "survivor_unplaced"
 ZONE_CHOSEN, ZONE_VISITED = "zone_chosen", "zone_visited"

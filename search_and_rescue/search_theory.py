@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 ROUNDING = 1e-9
-"""Tolerance above 1 for a sum of probabilities."""
+"""A sum of probabilities may exceed 1 by this tolerance."""
 SWEEP_FACTORS = {"high": 1.8, "medium": 1.6, "low": 1.1}
-"""Ratio of sweep width to detection range, by visibility of the person (Koester et al., Wilderness & Environmental Medicine 25, 2014)."""
+"""The ratio of sweep width to detection range, by visibility of the person (Koester et al., Wilderness & Environmental Medicine 25, 2014)."""
 COVERAGE = 0.9
-"""The default coverage of a sweep, which is the swept area (sweep width times track length) divided by the area of the ground."""
+"""The default coverage of a sweep. Coverage is sweep width times track length, divided by the area of the ground."""
 
 Corners = tuple[tuple[float, float], ...]
 
@@ -45,27 +45,27 @@ class Ground(NamedTuple):
         return abs(math.fsum(ax * by - bx * ay for (ax, ay), (bx, by) in sides)) / 2.0
 
     def sweep_sec(self, speed_mps: float) -> float:
-        """Return the duration of the legs of a sweep at the default coverage, seconds; turns and stops are not included."""
+        """Return the duration in seconds of a sweep at the default coverage, without turns and stops."""
         return self.area_m2 * COVERAGE / (self.sweep_width * speed_mps)
 
 
 def sweep_width_of(detection_range: float, visibility: str = "medium") -> float:
-    """Return the sweep width W for a detection range; both are in metres."""
+    """Return the sweep width W in metres for a detection range in metres."""
     return SWEEP_FACTORS[visibility] * detection_range
 
 
 def random_search_pod(coverage: float) -> float:
-    """Return the POD of a random search with a coverage C, which is a lower bound: 1 - exp(-C) (Koopman 1946)."""
+    """Return the POD of a random search with coverage C: 1 - exp(-C). It is a lower bound (Koopman 1946)."""
     return -math.expm1(-coverage)
 
 
 def parallel_sweep_pod(coverage: float) -> float:
-    """Return the POD of exact parallel legs with a coverage C by the inverse-cube law of detection: erf(√π / 2 · C) (Koopman 1946)."""
+    """Return the POD of exact parallel legs with coverage C by the inverse-cube law: erf(√π / 2 · C) (Koopman 1946)."""
     return math.erf(math.sqrt(math.pi) / 2.0 * coverage)
 
 
 class SearchExpectation(NamedTuple):
-    """The probabilities and the duration of a search of an area.
+    """The expected result of a search of an area: probabilities and duration.
 
     Attributes:
         poa: Probability that the missing person is in the area, before the first search, 0 to 1.
@@ -80,7 +80,7 @@ class SearchExpectation(NamedTuple):
 
 @dataclass(frozen=True)
 class PoaMap:
-    """The probabilities of a missing person's location, given searches that did not detect the person.
+    """The probability that a missing person is in each area, given that the searches so far did not detect the person.
 
     If the probabilities of the areas sum to less than 1, the rest is the probability of all other locations, which are never searched.
 
@@ -107,7 +107,7 @@ class PoaMap:
             raise ValueError(f"{lacking[0]} has no POD: write the probability of detection by a search")
         total = math.fsum(self.poa.values())
         if total > 1.0 + ROUNDING:
-            raise ValueError(f"the areas' POA sum to {total:g}: the sum must be at most 1")
+            raise ValueError(f"the POA values of all areas add up to {total:g}: the sum must be at most 1")
 
     @classmethod
     def from_areas(
@@ -117,7 +117,7 @@ class PoaMap:
         swept: Mapping[str, float] | None = None,
         hints: Mapping[str, float] | None = None,
     ) -> "PoaMap":
-        """Return the map of areas after searches, sweeps and hints.
+        """Create the map of probabilities from the initial probabilities, searches, sweeps and hints.
 
         Args:
             areas: The probabilities of each area before the first search and hint.
@@ -135,20 +135,20 @@ class PoaMap:
         return (1.0 - self.pod[area]) ** self.looks.get(area, 0) * (1.0 - self.swept.get(area, 0.0))
 
     def current_probabilities(self) -> dict[str, float]:
-        """Return the current probability of each area by Bayes' rule; all are 0 if every location is ruled out."""
+        """Return the current probability of each area by Bayes' rule. If no location is possible, all are 0."""
         left = {area: poa * self.missed_probability(area) for area, poa in self.poa.items()}
         elsewhere = max(0.0, 1.0 - math.fsum(self.poa.values()))
         total = elsewhere + math.fsum(left.values())
         return {area: value / total if total else 0.0 for area, value in left.items()}
 
     def pos(self) -> float:
-        """Return the POS of all searches so far, computed from the initial POA: Σ POA · (1 - Π(1 - POD))."""
+        """Return the POS of all searches so far: Σ POA · (1 - Π(1 - POD)), with the initial POA of each area."""
         return math.fsum(poa * (1.0 - self.missed_probability(area)) for area, poa in self.poa.items())
 
 
 @dataclass(frozen=True, eq=False)
 class TourInputs:
-    """Inputs for choosing the order in which areas are searched.
+    """The inputs for choosing the order in which areas are searched.
 
     Args:
         from_start: Travel time from the start of the tour to each area, seconds.
@@ -163,7 +163,7 @@ class TourInputs:
     finds: Sequence[float]
 
     def ends(self, order: Sequence[int]) -> list[float]:
-        """Return the time at which each search ends, for an order of areas, in seconds from the start of the tour."""
+        """Return when each search ends if the areas are searched in an order, in seconds from the start."""
         steps = [self.from_start[order[0]]] if order else []
         steps += [float(self.between[before][after]) for before, after in itertools.pairwise(order)]
         return list(
@@ -171,7 +171,7 @@ class TourInputs:
         )
 
     def expected_find(self, order: Sequence[int]) -> float:
-        """Return the expected time to the first detection, given an order of areas, seconds; 0 if none is possible."""
+        """Return the expected time in seconds to the first detection; 0 if no detection is possible."""
         pos = sum(self.finds[area] for area in order)
         cost = sum(end * self.finds[area] for end, area in zip(self.ends(order), order, strict=True))
         return cost / pos if pos else 0.0

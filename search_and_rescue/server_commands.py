@@ -17,12 +17,12 @@ DETECT = (
     "sar-detect-survivor-server",
     "Serve detect_survivor (sar_interfaces/srv/DetectSurvivor). The parameters survivors.<zone>.x and survivors.<zone>.y replace the default survivors.",
 )
-"""The name and the description of the first command."""
+"""The name and the description of the command `sar-detect-survivor-server`."""
 REPORT = (
     "sar-report-survivor-server",
     "Serve report_survivor (sar_interfaces/srv/ReportSurvivor). Reports with a position in the frame map are acknowledged.",
 )
-"""The name and the description of the second command."""
+"""The name and the description of the command `sar-report-survivor-server`."""
 
 
 def detect(argv: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""Simulated servers: `detect_survivor` searches for survivors, and `report_survivor` is the base station."""
+"""Simulated servers. `detect_survivor` searches for survivors, and `report_survivor` acts as the base station."""
 
 import math
 from typing import Any
@@ -19,12 +19,12 @@ from search_and_rescue.hiding import HiddenSurvivor
 from search_and_rescue.zone_manager import MAP_FRAME, read_survivors
 
 SURVIVORS = {"zone_a": (-2.5, 3.2), "zone_c": (4.1, -2.5)}
-"""The default positions of the survivors by zone: x and y in metres, frame `map`."""
+"""The default position of the survivor in each zone: x and y in metres, frame `map`."""
 _SEEN_EVERY_SEC = 0.5
 
 
 class DetectSurvivorServer(DataNode):
-    """Server of `detect_survivor`, with survivors from the parameters `survivors.<zone>.{x,y}` or a default table.
+    """The server of `detect_survivor`. The parameters `survivors.<zone>.{x,y}` or a default table define survivors.
 
     In a zone with the parameter `zones.<zone>.detection_range` (metres), a survivor is detected only while the robot is within this distance.
     Unless a survivor is hidden, the server also publishes these survivors on `survivor_detections` twice a second while they are detected
@@ -79,7 +79,7 @@ class DetectSurvivorServer(DataNode):
                 self._seen.publish(message)
 
     def _detect(self, zone: str) -> tuple[float, float] | None:
-        """Return the position of the survivor detected in a zone (metres, frame `map`), or None if none is detected."""
+        """Return the position (metres, frame `map`) of the survivor detected in a zone, or None without a detection."""
         pose = self._robot.last_pose() if self._robot is not None else None
         robot = pose[:2] if pose is not None else None
         if self._hiding is not None:
@@ -91,7 +91,7 @@ class DetectSurvivorServer(DataNode):
 
 
 class ReportSurvivorServer(DataNode):
-    """Server of `report_survivor`, which acknowledges every report with a position in the frame `map`.
+    """The server of `report_survivor`. It acknowledges every report with a position in the frame `map`.
 
     A report that is sent again, because the sender missed the response, is acknowledged again and logged as a repetition.
 

@@ -1,4 +1,4 @@
-"""The record of a mission's sweeps: the open pieces, the coverage of each ground, and the gaps."""
+"""The record of a mission's sweeps: open pieces, coverage of each ground, and gaps."""
 
 import math
 from collections import defaultdict
@@ -20,7 +20,7 @@ _SEEN = ("area_m2", "coverage", "pod", "seen")
 
 @dataclass(frozen=True)
 class SweepState:
-    """State of a zone's sweep.
+    """The state of a zone's sweep.
 
     Attributes:
         pieces: The poses of the last plan, in the order of the plan.
@@ -56,7 +56,7 @@ class SweepState:
 
     @property
     def pod_of_legs(self) -> float | None:
-        """The POD if all legs were exact and parallel; None unless the first plan had legs and was swept completely."""
+        """The POD for exact parallel legs. None if the first plan had no legs or was not completely swept."""
         in_legs = self.pattern in ("parallel", "creeping_line") and self.passes == 1
         return (
             parallel_sweep_pod(self.coverage) if in_legs and not (self.open_count or self.skipped) else None
@@ -64,7 +64,7 @@ class SweepState:
 
     @property
     def open_count(self) -> int:
-        """Number of pieces of the last plan that were neither swept nor skipped."""
+        """The number of pieces in the last plan that were neither swept nor skipped."""
         return len(self.pieces) - self.done
 
     def describe_piece(self, zone: str) -> str:
@@ -72,7 +72,7 @@ class SweepState:
         return f"piece {self.done + 1}/{len(self.pieces)} of {zone}"
 
     def result(self, zone: str) -> str:
-        """Return a sentence about the result of the sweep: the seen share, the POD, and the number of gaps."""
+        """Describe the result of the sweep in a sentence: the share seen, the POD, and the number of gaps."""
         return f"{zone}: {self.seen:.0%} seen, POD {self.pod:.0%}, {len(self.gaps)} gaps."
 
 
@@ -103,11 +103,11 @@ class SweepStates:
         return self._sweeps.get(zone, SweepState())
 
     def zones_at(self, x: float, y: float) -> list[str]:
-        """Return the IDs of the zones whose polygon contains a position, metres, frame `map`."""
+        """Return the IDs of the zones whose polygons contain a position (metres, frame `map`)."""
         return [zone for zone, ground in self.grounds.items() if Geofence(ground.polygon).contains(x, y)]
 
     def seen_m2(self) -> tuple[float, float]:
-        """Return the seen and the total area of all grounds, square metres.
+        """Return the area seen so far and the total area of all grounds, in square metres.
 
         The total area of a ground includes obstacles until the zone's first piece is swept.
         """
@@ -117,7 +117,7 @@ class SweepStates:
         return seen, math.fsum(sizes)
 
     def layers(self) -> list[RasterLayer]:
-        """Return the display layers of all grounds with a swept piece."""
+        """Return the display layer of each ground in which a piece was swept."""
         return [sweep.layer for sweep in self._sweeps.values() if sweep.layer is not None]
 
     def raster(self, zone: str, obstacles: "ObstacleMap | None") -> "CoverageRaster":
@@ -134,11 +134,11 @@ class SweepStates:
         return self._rasters[zone]
 
     def drive(self, zone: str, path: Sequence[tuple[float, float]], obstacles: "ObstacleMap | None") -> None:
-        """Add a drive along positions (metres, frame `map`) to a zone's coverage; `piece_swept` records the distance."""
+        """Add a drive along positions (metres, frame `map`) to a zone's coverage and driven distance."""
         self._driven[zone] += self.raster(zone, obstacles).drive(path)
 
     def plan(self, zone: str, pattern: str, spacing: float, pieces: Sequence[MapPose]) -> None:
-        """Record the plan of a sweep, which replaces the open pieces of an earlier plan."""
+        """Record the plan of a sweep. The plan replaces the open pieces of an earlier plan."""
         poses = [[round(pose[axis], 3) for axis in ("x", "y", "yaw")] for pose in pieces]
         self.journal.record_event(
             search_events.SWEEP_PLANNED, zone=zone, pattern=pattern, spacing=round(spacing, 3), pieces=poses
@@ -169,13 +169,13 @@ class SweepStates:
         )
 
     def skip(self, zone: str, reason: str) -> None:
-        """Record that the current piece is skipped, with the reason."""
+        """Record that the current piece is skipped, and why."""
         self.journal.record_event(
             search_events.PIECE_SKIPPED, zone=zone, piece=self.state_of(zone).done, reason=reason
         )
 
     def apply(self, fact: JournalEntry) -> None:
-        """Update the state of a sweep from an event; events of other kinds are ignored.
+        """Update the state of a sweep from an event. Ignore events of other kinds.
 
         Raises:
             ArithmeticError, LookupError, TypeError or ValueError: If the event contradicts the current state.

@@ -1,4 +1,4 @@
-"""Plan sweeps: compute the stops of the search patterns in the IAMSAR manual (vol. II), and avoid obstacles."""
+"""Plan sweeps: compute stops for the search patterns of the IAMSAR manual (vol. II), and avoid obstacles."""
 
 import itertools
 import math
@@ -22,7 +22,7 @@ SweepPattern = Literal["parallel", "creeping_line", "expanding_square", "sector"
 - `sector`: three diameters through the zone's pose.
 """
 MAX_PIECES = 2000
-"""Maximum number of stops of a sweep."""
+"""The maximum number of stops in a sweep."""
 # Limits of the legs, map cells and stops that are computed, including those outside the ground. They bound time and memory.
 _MAX_LEGS, _MAX_CELLS, _MAX_STOPS = 20_000, 16_000_000, 1_000_000
 # Enlargement of cells that closes slivers between adjacent cells.
@@ -31,7 +31,7 @@ _Point = tuple[float, float]
 
 
 class GroundError(ValueError):
-    """The ground cannot be swept with the chosen pattern and spacing."""
+    """An error: the ground cannot be swept with the chosen pattern and spacing."""
 
 
 def sweep(
@@ -82,7 +82,7 @@ def sweep(
 def _require_small(
     ground: "BaseGeometry", spacing: float, here: _Point, pattern: SweepPattern, cell_m: float
 ) -> None:
-    """Check that the ground is small enough for the computation of a sweep.
+    """Check that the ground is not too large for the computation of a sweep.
 
     Raises:
         GroundError: If the ground has too many legs or map cells, or an expanding square would have too many stops.
@@ -108,7 +108,7 @@ def _require_small(
 
 
 def _blocked_ground(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance: float) -> "BaseGeometry":
-    """Return the area closer than the clearance to a blocked cell in or near the ground."""
+    """Return the area in which the robot is too close to a blocked cell: less than *clearance* away."""
     import numpy as np
     import shapely
 
@@ -125,7 +125,7 @@ def _blocked_ground(ground: "BaseGeometry", obstacles: "ObstacleMap", clearance:
 
 
 def _runs(rows: Sequence[int], columns: Sequence[int]) -> Iterator[tuple[int, int, int]]:
-    """Yield the row, the first column and the last column of each run of adjacent cells in a row."""
+    """Yield each run of adjacent cells in a row, as the row, the first column and the last column."""
     cells = zip(rows, columns, strict=True)
     for _, run in itertools.groupby(enumerate(cells), lambda each: (each[1][0], each[1][1] - each[0])):
         (row, first), *rest = (cell for _, cell in run)
@@ -133,7 +133,7 @@ def _runs(rows: Sequence[int], columns: Sequence[int]) -> Iterator[tuple[int, in
 
 
 def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_long_side: bool) -> list[_Point]:
-    """Return the stops on parallel legs over the ground without obstacles, in the order of the sweep."""
+    """Return the stops on parallel legs over the free ground, in the order of the sweep."""
     import shapely
 
     if not free.area:
@@ -157,7 +157,7 @@ def _along_legs(free: "BaseGeometry", spacing: float, here: _Point, *, along_lon
 
 
 def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
-    """Return the stops on legs along the x axis over a ground: one list for each uninterrupted part of a leg."""
+    """Return the stops on legs parallel to the x axis, as one list for each uninterrupted part of a leg."""
     import shapely
 
     left, low, right, high = ground.bounds
@@ -168,7 +168,7 @@ def _legs(ground: "BaseGeometry", spacing: float) -> list[list[_Point]]:
 
 
 def _long_side(free: "BaseGeometry") -> float:
-    """Return the direction, in radians, of the longer side of the smallest rectangle that encloses a ground.
+    """Return the direction (radians) of the longer side of the smallest rectangle around a ground.
 
     If the rectangle is a square, the side closer to the x axis is used.
     """
@@ -190,7 +190,7 @@ def _lines(cut: "BaseGeometry") -> "list[BaseGeometry]":
 
 
 def _stops(line: "BaseGeometry", spacing: float) -> list[_Point]:
-    """Return the stops on a line: the centres of equal parts of the line, which are no longer than the spacing."""
+    """Divide a line into equal parts that are not longer than the spacing, and return the centres."""
     count = max(1, math.ceil(line.length / spacing - 1e-9))
     points = [line.interpolate((at + 0.5) / count, normalized=True) for at in range(count)]
     return [(point.x, point.y) for point in points]
@@ -210,7 +210,7 @@ def _nearest_first(parts: Sequence[list[_Point]], here: _Point) -> list[_Point]:
 
 
 def _square(spacing: float, reach: float) -> Iterator[_Point]:
-    """Yield the stops of an expanding square around (0, 0); for a spacing S the legs are S, S, 2 S, 2 S, 3 S, … long."""
+    """Yield the stops of an expanding square around (0, 0). With spacing S, the legs are S, S, 2 S, 2 S, … long."""
     x = y = 0.0
     yield x, y
     for leg in itertools.count():
@@ -224,7 +224,7 @@ def _square(spacing: float, reach: float) -> Iterator[_Point]:
 
 
 def _sectors(spacing: float, reach: float) -> Iterator[_Point]:
-    """Yield the stops of a sector search around (0, 0), which consists of three diameters."""
+    """Yield the stops of a sector search around (0, 0). The path consists of three diameters."""
     count = max(1, math.ceil(reach / spacing))
     out, across = range(1, count + 1), [at for at in range(count, -count - 1, -1) if at]
     yield 0.0, 0.0
@@ -236,7 +236,7 @@ def _sectors(spacing: float, reach: float) -> Iterator[_Point]:
 
 
 def _poses_towards_next(stops: Sequence[_Point]) -> list[MapPose]:
-    """Return the poses of stops. Each pose faces the next stop, and the last pose has the direction of the pose before."""
+    """Add directions to stops. Each pose faces the next stop; the last two poses have the same direction."""
     poses, yaw = list[MapPose](), 0.0
     for at, (x, y) in enumerate(stops):
         if at + 1 < len(stops):

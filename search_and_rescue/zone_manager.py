@@ -1,4 +1,4 @@
-"""The plan of the mission: the zones and their probabilities, the base station, the geofence, and new survivor names."""
+"""The plan of the mission: zones, probabilities, the base station, the geofence, and survivor names."""
 
 import itertools
 import math
@@ -29,12 +29,12 @@ _MIN_CORNERS = 3
 _POINT = ("x", "y")
 
 DETOUR = 1.5
-"""Assumed ratio of path length to straight line, for pairs of poses without a planned path."""
+"""If no path is planned between two poses, its length is assumed to be this factor times the straight line."""
 SAME_M = 0.1
-"""Distance below which two positions are regarded as the same, metres."""
+"""Two positions closer than this distance, in metres, are regarded as equal."""
 _MAX_RATIO, _MAX_PRODUCT = 1000.0, 1e9
 MAX_PLANNED = 30
-"""Maximum number of zones for which the planner is queried before one choice; 30 zones have 495 paths."""
+"""Before each choice, the planner is queried for at most this number of zones. 30 zones have 495 paths."""
 _MIN_SEC = 1e-3
 VisitingOrder = Literal["listed", "nearest", "expected_find"]
 """The rules by which `ChooseZone` can order the zones."""
@@ -43,7 +43,7 @@ MAP_FRAME = "map"
 
 
 def is_ratio(value: float) -> bool:
-    """Return whether a likelihood ratio of a hint is in the allowed range from 0.001 to 1000."""
+    """Return whether the likelihood ratio of a hint is from 0.001 to 1000."""
     return 1.0 / _MAX_RATIO <= value <= _MAX_RATIO
 
 
@@ -56,7 +56,7 @@ class MapPose(TypedDict):
 
 
 class Zone(MapPose):
-    """A zone to search: the pose from which the robot searches, and the zone's ID."""
+    """A zone to search: its ID, and the pose from which the robot searches."""
 
     id: str
 
@@ -71,7 +71,7 @@ def _preview() -> "ZoneManager":
 
 @mission_context(preview=_preview)
 class ZoneManager:
-    """The plan of one mission: the zones in the order in which they are visited. All leaves share the plan.
+    """The plan of one mission: the zones in the order of visits. All leaves share this plan.
 
     The plan stores and returns copies, so that callers cannot change the plan by accident. Each change is
     recorded as an event. The event updates the plan (`apply`) immediately, and again when a later run resumes
@@ -130,7 +130,7 @@ class ZoneManager:
         self._path_lengths: dict[frozenset[tuple[float, float]], float] = {}
 
     def current_zone(self) -> Zone:
-        """Return the current zone, which is the first of the zones that are left to visit.
+        """Return the current zone, which is the first zone that is left to visit.
 
         Raises:
             IndexError: If every zone is visited.
@@ -146,7 +146,7 @@ class ZoneManager:
         return self._index < len(self._zones)
 
     def remaining_zones(self) -> list[Zone]:
-        """Return the zones left to visit; the current zone is first."""
+        """Return the zones that are left to visit, beginning with the current zone."""
         return [zone.copy() for zone in self._zones[self._index :]]
 
     def has_zone(self, zone_id: str) -> bool:
@@ -154,7 +154,7 @@ class ZoneManager:
         return any(zone["id"] == zone_id for zone in (*self._zones, *self._abandoned))
 
     def eligible_zones(self) -> list[Zone]:
-        """Return the candidates for the next zone: of the least often postponed zones, those with the highest priority.
+        """Return the next candidates: the zones of highest priority among the least often postponed zones.
 
         A postponed zone is therefore repeated only after all other zones have been tried equally often. The
         candidates are in the order of the plan.
@@ -162,7 +162,7 @@ class ZoneManager:
         return next(iter(self.zones_by_urgency()), [])
 
     def zones_by_urgency(self) -> list[list[Zone]]:
-        """Return the remaining zones in groups, ordered by number of postponements, then by decreasing priority."""
+        """Return groups of remaining zones, ordered by number of postponements and then by falling priority."""
         groups: defaultdict[tuple[int, float], list[Zone]] = defaultdict(list)
         for zone in self.remaining_zones():
             groups[self._urgency(zone)].append(zone)
@@ -172,19 +172,19 @@ class ZoneManager:
         return self._postponed[zone["id"]], -self._priorities.get(zone["id"], 0.0)
 
     def choose_zone(self, zone_id: str) -> None:
-        """Make a zone the current zone; the other zones keep their order."""
+        """Make a zone the current zone. The order of the other zones does not change."""
         self.journal.record_event(search_events.ZONE_CHOSEN, zone=zone_id)
 
     def poa_map(self) -> PoaMap:
-        """Return the probabilities of the zones after the searches so far; empty if the zones have no probabilities."""
+        """Return the map of zone probabilities after all searches so far; empty without probabilities."""
         return PoaMap.from_areas(self.areas, self.looks, self.swept, self.hints)
 
     def hint(self, zone_id: str, ratio: float) -> None:
-        """Record a hint on a zone, as the likelihood ratio of presence to absence."""
+        """Record a hint on a zone. *ratio* is the likelihood ratio of presence to absence."""
         self.journal.record_event(search_events.HINT_GIVEN, zone=zone_id, ratio=ratio)
 
     def nearest(self, x: float, y: float, among: Collection[str] = ()) -> str:
-        """Return the ID of the zone with probabilities whose pose is nearest to a position; empty if there is none.
+        """Return the ID of the zone nearest to a position, among zones with probabilities; empty without such zones.
 
         Args:
             x: The x coordinate of the position, metres, frame `map`.
@@ -197,7 +197,7 @@ class ZoneManager:
         return min(zones, key=lambda zone: math.dist((zone["x"], zone["y"]), point), default={"id": ""})["id"]
 
     def zone_at(self, x: float, y: float) -> str | None:
-        """Return the ID of the remaining zone whose pose is at a position (metres, frame `map`); None if there is none."""
+        """Return the ID of the remaining zone with its pose at a position (metres, frame `map`), or None."""
         found = (
             zone["id"]
             for zone in self.remaining_zones()
@@ -206,7 +206,7 @@ class ZoneManager:
         return next(found, None)
 
     def tour(self, zones: Sequence[Zone], start: MapPose | None = None) -> TourInputs:
-        """Return the inputs for choosing the order of zones: travel times, search durations and probabilities of detection.
+        """Return the inputs for ordering zones: travel times, search durations and detection probabilities.
 
         Zones without probabilities have the duration 0 and the probability 0.
 
@@ -221,14 +221,14 @@ class ZoneManager:
         )
 
     def _durations_and_probabilities(self, zones: Sequence[Zone]) -> tuple[list[float], list[float]]:
-        """Return, for each zone, the duration of a search in seconds, and the probability that the search detects the person."""
+        """Return each zone's search duration in seconds, and the probability that the search detects the person."""
         now = self.poa_map().current_probabilities()
         areas = [self.areas.get(zone["id"], SearchExpectation(0.0, 0.0)) for zone in zones]
         finds = [now.get(zone["id"], 0.0) * area.pod for zone, area in zip(zones, areas, strict=True)]
         return [area.look_sec for area in areas], finds
 
     def _travels_sec(self, zones: Sequence[Zone]) -> "npt.NDArray[np.float64]":
-        """Return the travel time from each zone (row) to each zone (column), seconds; 1,000 zones have a million paths."""
+        """Return a table of the travel times in seconds from each zone (row) to each zone (column)."""
         # Import NumPy only for this computation, because the verification of trees does not need NumPy.
         import numpy as np
 
@@ -245,7 +245,7 @@ class ZoneManager:
         return seconds
 
     def zones_to_plan(self, zones: Sequence[Zone]) -> list[Zone]:
-        """Return the zones for which the planner is asked for paths: at most `MAX_PLANNED`, in the order of `zones`.
+        """Return at most `MAX_PLANNED` zones for which the planner computes paths, in the order of `zones`.
 
         If there are more zones, the zones with the highest probability per second of drive and search are
         chosen. Without probabilities, the nearest zones are chosen.
@@ -258,7 +258,7 @@ class ZoneManager:
         return [zones[at] for at in sorted(ranked[:MAX_PLANNED])]
 
     def required_paths(self, zones: Sequence[MapPose], *, between: bool = True) -> list[PosePair]:
-        """Return the pairs of poses whose path lengths are needed to order zones, return home and charge.
+        """Return the pairs of poses for which the path length is needed to order zones, return home and charge.
 
         Each pair is listed in only one direction.
 
@@ -277,7 +277,7 @@ class ZoneManager:
         return [pair for ends, pair in by_ends.items() if len(ends) > 1]
 
     def store_path_length(self, start: MapPose, target: MapPose, metres: float) -> None:
-        """Store the length of a planned path, metres, for both directions."""
+        """Store the length in metres of a planned path. It applies to both directions."""
         self._path_lengths[_ends(start, target)] = metres
 
     def has_path_length(self, start: MapPose, target: MapPose) -> bool:
@@ -285,12 +285,12 @@ class ZoneManager:
         return _ends(start, target) in self._path_lengths
 
     def path_length_m(self, start: MapPose, target: MapPose) -> float:
-        """Return the length of a path, metres: the stored planned length, otherwise the straight line times `DETOUR`."""
+        """Return the length of a path in metres. If no planned length is stored, estimate it with `DETOUR`."""
         line = math.dist((start["x"], start["y"]), (target["x"], target["y"]))
         return self._path_lengths.get(_ends(start, target), DETOUR * line)
 
     def last_pose(self) -> MapPose:
-        """Return the pose of the last search, or of a base station or charging place that was reached since then."""
+        """Return the pose of the last search, or of the base station or charging place if reached later."""
         return deepcopy(self._here)
 
     def _travel_sec(self, start: MapPose, target: MapPose) -> float:
@@ -330,12 +330,12 @@ class ZoneManager:
         return shrunk
 
     def select_next_zone(self) -> None:
-        """Record that the current zone was visited, and make the next zone current; do nothing if no zone is left."""
+        """Record that the current zone was visited, and go to the next zone. Do nothing if no zone is left."""
         if self.has_remaining():
             self.journal.record_event(search_events.ZONE_VISITED, zone=self._zones[self._index]["id"])
 
     def postpone(self) -> None:
-        """Move the current zone to the end of the plan; do nothing if no zone is left."""
+        """Move the current zone to the end of the plan. Do nothing if no zone is left."""
         if self.has_remaining():
             self.journal.record_event(search_events.ZONE_POSTPONED, zone=self._zones[self._index]["id"])
 
@@ -348,7 +348,7 @@ class ZoneManager:
         return self._postponed[self.current_zone()["id"]]
 
     def abandon(self, reason: str = "") -> None:
-        """Remove the current zone from the plan without a visit; do nothing if no zone is left.
+        """Remove the current zone from the plan without a visit. Do nothing if no zone is left.
 
         Args:
             reason: Why the zone is abandoned; empty if the attempts to search the zone have failed.
@@ -360,7 +360,7 @@ class ZoneManager:
             )
 
     def abandoned_zones(self) -> list[Zone]:
-        """Return the abandoned zones in the order of abandonment."""
+        """Return the abandoned zones in the order in which they were abandoned."""
         return deepcopy(self._abandoned)
 
     def base_pose(self) -> MapPose:
@@ -382,7 +382,7 @@ class ZoneManager:
         return len(self._zones) + len(self._abandoned)
 
     def apply(self, fact: JournalEntry) -> None:
-        """Update the plan from an event; events of other kinds are ignored.
+        """Update the plan from an event. Ignore events of other kinds.
 
         Raises:
             LookupError, TypeError or ValueError: If the event contradicts the current state.
@@ -509,7 +509,7 @@ class ZoneManager:
 
 
 def _ends(start: MapPose, target: MapPose) -> frozenset[tuple[float, float]]:
-    """Return the key of a pair of poses in the stored path lengths; the key is the same for both directions."""
+    """Return the key under which the path length between two poses is stored, in either direction."""
     return frozenset({(start["x"], start["y"]), (target["x"], target["y"])})
 
 
@@ -529,7 +529,7 @@ class Geofence:
         return bool(self.corners)
 
     def contains(self, x: float, y: float) -> bool:
-        """Return whether a position is inside the geofence; without a geofence, return True.
+        """Return whether a position is inside the geofence. If there is no geofence, return True.
 
         Args:
             x: The x coordinate of the position, metres, frame `map`.
@@ -544,7 +544,7 @@ class Geofence:
 
 
 def read_fence(reader: ParameterReader) -> Geofence:
-    """Read the parameter `geofence`, `[x1, y1, x2, y2, x3, y3, …]`; without the parameter, return a geofence without corners."""
+    """Read the parameter `geofence`, such as `[x1, y1, x2, y2, x3, y3]`. Without it, the geofence has no corners."""
     numbers = reader.numbers(_GEOFENCE)
     corners = list(zip(numbers[::2], numbers[1::2], strict=False))
     if numbers and (len(numbers) % 2 or len(corners) < _MIN_CORNERS):
@@ -557,7 +557,7 @@ def read_fence(reader: ParameterReader) -> Geofence:
 def read_survivors(
     parameters: Mapping[str, object], default: Mapping[str, tuple[float, float]]
 ) -> dict[str, tuple[float, float]]:
-    """Read the positions of survivors from the parameters `survivors.<zone>.{x,y}`; if there are none, return the default.
+    """Read survivor positions from the parameters `survivors.<zone>.{x,y}`, or return the default without them.
 
     Returns:
         The positions by zone, metres, frame `map`.

@@ -19,9 +19,9 @@ from search_and_rescue.search_theory import TourInputs
 from search_and_rescue.zone_manager import VisitingOrder
 
 EXACT_UP_TO = 14
-"""Maximum number of areas that are ordered exactly; more areas are ordered by a beam search."""
+"""Up to this number of areas, the order is exact. More areas are ordered by a beam search."""
 BEAM_UP_TO = 50
-"""Maximum number of areas that are ordered by a beam search; more areas are ordered by the greedy rule."""
+"""Up to this number of areas, a beam search finds the order. More areas are ordered by a greedy rule."""
 
 _BEAM_WIDTH = 400
 # Maximum number of passes over all areas; after about ten passes, hardly any move still improves the order.
@@ -33,7 +33,7 @@ _Durations = npt.NDArray[np.float64]
 
 
 def order_areas(order: VisitingOrder, tour: TourInputs) -> list[int]:
-    """Return the indices of the areas in a good order of visits; up to `EXACT_UP_TO` areas, the order is optimal."""
+    """Return the indices of the areas in the order of visits, according to the rule *order*."""
     count = len(tour.finds)
     if order == "listed" or count < 1:
         return list(range(count))
@@ -45,7 +45,7 @@ def order_areas(order: VisitingOrder, tour: TourInputs) -> list[int]:
 
 
 def approximation(count: int) -> str:
-    """Return the name of the approximation that is used for a number of areas; empty if the order is exact."""
+    """Return the name of the approximation used for *count* areas, or an empty string for an exact order."""
     if count <= EXACT_UP_TO:
         return ""
     return "a beam search" if count <= BEAM_UP_TO else "probability per second"
@@ -61,7 +61,7 @@ def _nearest(tour: TourInputs) -> list[int]:
 
 
 def optimal_order(tour: TourInputs) -> list[int]:
-    """Return the optimal order, computed by dynamic programming; each additional area doubles time and memory."""
+    """Compute the optimal order by dynamic programming. Each additional area doubles time and memory."""
     start, between, weights = _steps(tour)
     count = len(weights)
     sets = np.arange(1 << count)
@@ -87,7 +87,7 @@ def optimal_order(tour: TourInputs) -> list[int]:
 
 
 def beam(tour: TourInputs, width: int = _BEAM_WIDTH) -> list[int]:
-    """Return a good order, found by a beam search over partial orders and improved by local search.
+    """Find a good order by a beam search over partial orders, and improve the order by local search.
 
     Args:
         tour: Travel times, search durations and probabilities.
@@ -116,7 +116,7 @@ def beam(tour: TourInputs, width: int = _BEAM_WIDTH) -> list[int]:
 
 
 def greedy_index_order(tour: TourInputs) -> list[int]:
-    """Return a good order of many areas, found by a greedy rule and improved by moves of single areas.
+    """Find a good order of many areas by a greedy rule, and improve the order by moving single areas.
 
     The greedy rule continues with the area that has the highest probability per second of drive and search. The rule takes O(n²) time. A pass
     over the moves of all areas also takes O(n²), because prefix sums of weights and times give the cost of each move in constant time.
@@ -138,7 +138,7 @@ def greedy_index_order(tour: TourInputs) -> list[int]:
 def _improve_order(
     order: list[int], start: _Durations, between: _Durations, weights: _Durations
 ) -> list[int]:
-    """Move each area of an order to the best position, until no move improves the order or all passes are done."""
+    """Move each area to its best position, until no move improves the order or the pass limit is reached."""
     for _ in range(_MAX_PASSES):
         before = order
         for area in before:
@@ -181,7 +181,7 @@ def _best_of_each(
 def _improve_locally(
     order: list[int], start: _Durations, between: _Durations, weights: _Durations
 ) -> list[int]:
-    """Improve an order until neither the reversal of a part nor the move of an area to another position lowers the cost."""
+    """Improve an order until no reversal of a part and no move of an area lowers the cost."""
 
     def cost(order: Sequence[int]) -> float:
         steps = np.concatenate([start[list(order[:1])], between[list(order[:-1]), list(order[1:])]])
@@ -203,7 +203,7 @@ def _improve_locally(
 
 
 def _steps(tour: TourInputs) -> tuple[_Durations, _Durations, _Durations]:
-    """Return the durations of steps (drive and search) from the start and between areas, and the areas' weights.
+    """Return the step durations (drive and search) from the start and between areas, and the weight of each area.
 
     The weight is the probability of detection plus a small constant, so that shorter paths are preferred where detection is impossible.
     """
