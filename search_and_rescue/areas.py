@@ -68,7 +68,7 @@ def read_priorities(reader: ParameterReader, zones: Sequence[Mapping[str, Any]])
 def read_grounds(
     reader: ParameterReader, zones: Sequence[Mapping[str, Any]], fence: Geofence
 ) -> dict[str, Ground]:
-    """Read the ground of each zone: `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
+    """Read the grounds of zones with polygons: `zones.<id>.{polygon,sweep_width,detection_range,visibility}`.
 
     Raises:
         ImportError: If a zone has a polygon, and shapely is not installed.

@@ -49,7 +49,7 @@ class ObstacleMap:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def are_blocked(self, points: Points) -> npt.NDArray[np.bool_]:
-        """Return for each position (metres, frame `map`) whether it is blocked. The last axis contains x and y."""
+        """Return for each position (metres, frame `map`) whether it is blocked. The last axis of `points` is x and y."""
         cells = np.floor(self._to_cells(points)).astype(int)
         column, row = cells[..., 0], cells[..., 1]
         rows, columns = self.blocked.shape

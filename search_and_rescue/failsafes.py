@@ -1,4 +1,4 @@
-"""Failsafe conditions. They succeed in normal operation, and fail to end the mission early."""
+"""Failsafe conditions. They succeed in normal operation. If one fails, the tree ends the mission early."""
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
@@ -31,7 +31,7 @@ _BASE_LOST = "losses_left -= base_lost ? 0 : 1; base_lost = true"
 
 @dataclass(eq=False, repr=False)
 class _Failsafe(RosLeaf):
-    """The base class of the failsafe conditions. A condition reports a problem only when the problem first occurs.
+    """The base class of the failsafe conditions. A problem is reported only once until it is solved.
 
     Args:
         record: Records each problem as an alarm, whose text `AbandonZones` uses as the reason.

@@ -18,7 +18,7 @@ _AHEAD_M = 1.0
 
 
 class HiddenSurvivor:
-    """A survivor in a random area, chosen by POA. A search of this area detects the survivor with probability POD.
+    """A survivor in an area that is chosen at random by POA. A search of this area succeeds with the probability POD.
 
     The seed determines the survivor's position, and how many searches of the survivor's area are needed until
     the detection. Neither depends on the order of areas and searches.

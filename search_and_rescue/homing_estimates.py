@@ -93,7 +93,7 @@ class HomingEstimator:
         return sweep.describe_piece(self.next_zone) if sweep.open_count else self.next_zone
 
     def required_paths(self) -> list[PosePair]:
-        """Return the pairs of poses between which the next leg and the way home lead.
+        """Return the start and target of each path whose length is needed for the next leg and the way home.
 
         Raises:
             IndexError: If every zone is visited.

@@ -70,7 +70,7 @@ class PathRequests:
         return bool(self._open)
 
     def shortfall(self) -> str:
-        """Return a text on how many path lengths are only estimated, and why; empty if all lengths are known."""
+        """Describe how many path lengths are only estimated, and why; empty if all lengths are known."""
         unknown = sum(not self._zones.has_path_length(*path) for path in self._paths)
         if not unknown:
             return ""

@@ -321,7 +321,7 @@ class MissionRecord:
 
     @property
     def first_detection_sec(self) -> float | None:
-        """The time to the first detection that is not rejected or merged, in seconds; None if there is none."""
+        """The seconds from the start to the first detection that was not rejected or merged, or None."""
         found = next((each.found_at for each in self._survivors if each.counts), None)
         if found is None or self._began is None:
             return None
@@ -348,7 +348,7 @@ class MissionRecord:
         self.journal.record_event(search_events.ZONE_SEARCHED, zone=zone_id, survivor=survivor)
 
     def survivor_unplaced(self, zone_id: str, reason: str) -> None:
-        """Record that a search found a survivor at an unusable position. The next search of the zone clears this.
+        """Record that a search found a survivor at an unusable position. The next search removes this record.
 
         Args:
             zone_id: The zone.

@@ -220,7 +220,7 @@ class Search(MissionRun):
         )
 
     def _objects(self, phase: MissionPhase) -> dict[str, str]:
-        """Return by command to which object the command applies: the mission's phase, all zones or one zone."""
+        """Return what each command applies to, such as the current zone for `skip_zone`."""
         zones, plan = self.zones, ", ".join(self._plan)
         state = " ".join(filter(None, (phase.name or "active", phase.reason)))
         return {

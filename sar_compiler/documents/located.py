@@ -235,7 +235,7 @@ def _accepted_values(schema: dict[str, Any]) -> str:
 
 
 def _owner(path: Path, schema: dict[str, Any]) -> str:
-    """Return a phrase that describes a mapping with a wrong or missing key; it begins a message."""
+    """Return a phrase that describes a mapping with a wrong or missing key. A message begins with this phrase."""
     return schema.get("title") or _title(path, schema)
 
 

@@ -30,7 +30,7 @@ _Offsets = tuple[int, int]
 
 
 def read_toml(path: Path, shown: str) -> Document:
-    """Read a TOML file. Findings show the path *shown*.
+    """Read a TOML file. Findings about the file contain the path *shown*.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
@@ -121,7 +121,7 @@ class _TomlLocations:
         return match[0] if match else ""
 
     def _skip(self) -> int:
-        """Skip whitespace and comments, and return the position where the next token starts."""
+        """Skip whitespace and comments, and return the start of the next token."""
         self._skip_pattern(_BLANK)
         return self._at
 

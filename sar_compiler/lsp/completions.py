@@ -106,7 +106,7 @@ def _yaml_context(before: str) -> CompletionContext | None:
 
 
 def _yaml_parent_tag(before: str, indent: int) -> str | None:
-    """Return the tag of the mapping that contains the next line, which has the indentation *indent*."""
+    """Return the tag of the YAML mapping around the line after *before*, which is indented by *indent*."""
     for line in reversed(before.split("\n")):
         blanks = len(line) - len(line.lstrip(" "))
         if line.strip() and not line.lstrip().startswith("#") and blanks < indent:

@@ -47,7 +47,7 @@ def edit_between(old: str, new: str) -> Edit:
 
 
 def _common_length(limit: int, are_alike: Callable[[int, int], bool]) -> int:
-    """Return the length of the prefix that two texts share, at most *limit*; *are_alike* compares two ranges."""
+    """Return the length of the common prefix of two texts, at most *limit*. *are_alike* compares one range."""
     alike, different = 0, limit + 1
     while different - alike > 1:
         middle = (alike + different) // 2

@@ -30,7 +30,7 @@ from sar_compiler.runtime.expressions import (
 from sar_compiler.runtime.variables import PlainVariables, RefusedValueError, ScriptValue, number_of
 
 _MOST_COMBINATIONS = 4096
-"""A condition is not analysed if its variables have more combinations of sampled values than this."""
+"""A condition is not analysed if its variables have more combinations of sampled values than this number."""
 _LOGICAL = frozenset({"&&", "||"})
 _OF_EQUALS = {"==": 1, "<=": 1, ">=": 1, "!=": 0, "<": 0, ">": 0}
 """The result of each comparison operator when a value is compared with itself."""
@@ -98,7 +98,7 @@ class _SampledCondition:
         self._script = replace(script, statements=(self._rewrite(script.statements[-1]),))
 
     def constant_truth(self) -> bool | None:
-        """Return the condition's truth, or None if it is not the same for all tested values without an error."""
+        """Return whether the condition is always true or always false; None if this depends on the values."""
         choices = [{0, 1, *_representatives(literals)} for literals in self._literals.values()]
         if math.prod(map(len, choices)) > _MOST_COMBINATIONS:
             return None

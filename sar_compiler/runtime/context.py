@@ -1,4 +1,4 @@
-"""The mission context: objects that a mission passes to constructors of leaves, according to parameter types."""
+"""The mission context: objects that a mission passes to leaf constructors. Parameter types select the objects."""
 
 from collections.abc import Callable
 from typing import TypeVar, overload

@@ -76,7 +76,7 @@ def changes_in(before: Mapping[str, object], after: Mapping[str, object]) -> Fac
 
 
 ValueChange = tuple[object, object]
-"""The values before and after a change. None stands for a missing value."""
+"""The values before and after a change. A missing value is None."""
 
 
 def value_changes(before: Mapping[str, object], after: Mapping[str, object]) -> dict[str, ValueChange]:

@@ -221,7 +221,7 @@ def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
 
 
 def _always_evaluated(expression: Expression, parts: int) -> int:
-    """Return how many parts at the start of an expression are always evaluated."""
+    """Return how many parts of an expression are always evaluated. These are the first parts."""
     if isinstance(expression, Conditional):
         return 1
     if isinstance(expression, ComparisonChain):

@@ -238,7 +238,7 @@ class Conditions(Decorator):
                 script.run()
 
     def omit_post_after_halts(self) -> None:
-        """Never run `_post` after a halt. BehaviorTree.CPP does not run it either, although documented."""
+        """Never run `_post` after a halt. BehaviorTree.CPP does not run `_post` either, despite its documentation."""
         self._post[INVALID] = None
 
     def ignore(self) -> None:

@@ -19,7 +19,7 @@ from sar_compiler.runtime.variables import (
 )
 
 EPSILON = 2.0**-23
-"""Numbers are equal if they differ by at most this: the distance from 1 to the next 32-bit floating-point number."""
+"""Numbers are equal if they differ by at most this tolerance, the distance from 1 to the next 32-bit float."""
 
 LONGEST_TEXT = 4096
 """The maximum length of a joined string. Without it, a script that doubles a string in each tick would fill the memory."""
@@ -100,7 +100,7 @@ def is_chosen(condition: ScriptValue) -> bool:
 
 
 def as_condition(value: ScriptValue) -> bool:
-    """Convert a script's value to True or False. Valid are 0, 1 and real numbers that are not negative.
+    """Convert a script's value to True or False. Valid values are 0, 1 and non-negative real numbers.
 
     Raises:
         RefusedValueError: If the value is another integer, a negative number or a string.
@@ -163,7 +163,7 @@ def _is_true(value: ScriptValue) -> bool:
 
 
 def equal_texts(first: str, second: str, names: Mapping[str, int]) -> bool:
-    """Return whether a Switch treats two strings as equal, because their texts or numbers are equal."""
+    """Return whether a Switch treats two strings as equal: they are identical, or name equal numbers."""
     if first == second:
         return True
     one, other = (float(names[text]) if text in names else _number_in(text) for text in (first, second))

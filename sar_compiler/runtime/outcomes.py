@@ -93,7 +93,7 @@ def probabilities(outcomes: Sequence[Outcome]) -> list[tuple[float, float]]:
 
 
 def middle(bounds: Sequence[tuple[float, float]]) -> list[float]:
-    """Choose a probability within each pair of bounds. All are at the same relative position, with the sum 1."""
+    """Choose one probability within each pair of bounds, so that all probabilities add up to 1."""
     room = sum(high - low for low, high in bounds)
     part = (1.0 - sum(low for low, _ in bounds)) / room if room else 0.0
     return [low + part * (high - low) for low, high in bounds]

@@ -1,4 +1,4 @@
-"""The parser for scripts: the attribute `code` of `<Script>`, and pre- and postconditions.
+"""The parser for scripts in the attribute `code` of `<Script>` and in pre- and postconditions.
 
 The parser uses precedence climbing with the ranks of BehaviorTree.CPP 4. A higher rank binds tighter:
 
@@ -353,7 +353,7 @@ def _too_deep(start: int, end: int) -> ScriptError:
 
 
 def _explain_misplaced(token: Token) -> ScriptError:
-    """Return the error for a token at a position where an expression must begin."""
+    """Return the error for a token that was found instead of the beginning of an expression."""
     if token.text == ")":
         return ScriptError("this ')' has no '('", token.start, token.end)
     if token.text == ":":

@@ -264,7 +264,7 @@ class _FastPath:
         return _conjunction([_usual_comparison(*each) for each in compared])
 
     def _comparison(self, sign: str, left: SkeletonPart, right: SkeletonPart) -> ast.expr:
-        """Return the code for a comparison. Numbers, and a variable and a string, have a fast path."""
+        """Return the code for a comparison, with fast paths for comparing numbers and for comparing strings."""
         parts, kind = (left, right), str if _is_text(left) or _is_text(right) else float
         is_known = _is_text if kind is str else _is_number
         if not all(isinstance(each, VariableSlot) or is_known(each) for each in parts):

@@ -159,7 +159,7 @@ class NodeScript:
         return quick()
 
     def fast_update(self, success: Status, failure: Status | None) -> Callable[[], Status] | None:
-        """Return a function that runs the compiled script and returns a status, or None if not compiled.
+        """Return a function that runs the compiled script and returns a status, or None without a compiled form.
 
         Args:
             success: The status if the script's value is true.

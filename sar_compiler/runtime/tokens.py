@@ -52,7 +52,7 @@ _LONGEST_EXCERPT = 40
 
 
 class ScriptError(SarError):
-    """An error: a script has wrong syntax.
+    """An error: the syntax of a script is wrong.
 
     Attributes:
         message: The description of the error.
@@ -197,7 +197,7 @@ def _check_end_of_number(text: str, number: str, start: int) -> None:
 
 
 def _token_error(text: str, position: int) -> ScriptError:
-    """Return the error for a position where no valid token begins."""
+    """Return the error for a position at which no valid token begins."""
     character = text[position]
     if character == "'":
         message = "this string has no closing quotation mark"

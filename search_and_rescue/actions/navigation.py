@@ -153,7 +153,7 @@ class NavigateTo(ActionLeaf):
         return Status.SUCCESS
 
     def update(self) -> Status:
-        """Return the leaf's status. If it is RUNNING, also set a label: does the robot drive or wait for Nav2?"""
+        """Return the leaf's status. If it is RUNNING, set a label that says whether the robot drives or waits."""
         status = super().update()
         if status is Status.RUNNING:
             waits = "not arrived" if self.has_not_arrived else "waiting for Nav2"

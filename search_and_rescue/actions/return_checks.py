@@ -85,7 +85,7 @@ class BatteryMeter:
 
 @dataclass(eq=False, repr=False)
 class _HomingLeaf(RosLeaf):
-    """The base class of the leaves that observe the battery and the robot. They start during setup.
+    """The base class of the leaves that observe the battery and the robot. The observation starts at setup.
 
     Args:
         homing: Estimates battery and time for the way home.

@@ -72,7 +72,7 @@ class MapExtent:
         node.create_subscription(OccupancyGrid, _MAP_TOPIC, self._on_map, latched)
 
     def check(self, x: float, y: float) -> tuple[float, float]:
-        """Return a position unchanged if it is possible. It is in metres, in the frame `map`.
+        """Return a position (metres, frame `map`) unchanged, or raise an error if it is impossible.
 
         Raises:
             UnusableValueError: If the position is not finite or not on the map.
@@ -369,7 +369,7 @@ class StaticTransforms:
         self._transforms: dict[str, TransformStamped] = {}
 
     def publish(self, transform: "TransformStamped") -> None:
-        """Publish a frame and all earlier frames. It replaces an earlier frame with the same `child_frame_id`."""
+        """Publish a frame and all earlier frames. An earlier frame with the same `child_frame_id` is replaced."""
         self._transforms[transform.child_frame_id] = transform
         self._publisher.publish(self._message_type(transforms=list(self._transforms.values())))
 

@@ -73,7 +73,7 @@ class CountingNode(ControlNode):
         return self.decide_early(ticker)
 
     def threshold(self, port: str, wanted: int) -> int:
-        """Convert an attribute's value to a number of children. The value -1 stands for all children.
+        """Convert an attribute's value to a number of children. The value -1 means all children.
 
         Raises:
             ThresholdError: If the value exceeds the number of children.

@@ -11,7 +11,7 @@ from librt.vecs import append, vec
 from mypy_extensions import i32, i64
 
 NOTHING: Final = 0
-"""The number of the content of a blackboard entry that does not exist."""
+"""The content number of a blackboard entry that does not exist."""
 
 
 class EntryCells:

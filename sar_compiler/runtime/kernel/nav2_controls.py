@@ -22,7 +22,7 @@ class Nav2ControlError(NodeError):
 
 
 class RecoveringNode(ControlNode):
-    """Ticks its first child. If this child fails, ticks the second child as a recovery, and then retries.
+    """Ticks the first child. If it fails, ticks the second child as a recovery, and then the first child again.
 
     Attributes:
         current: The cell that stores the index of the current child.
@@ -100,7 +100,7 @@ class PipelineNode(OneChildNode):
         return self.resume(ticker, INVALID)
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """End the tick if the child has failed, or if it is the furthest one and is running. Else go to the next child."""
+        """If the child fails, fail. If the furthest child is running, return RUNNING. Else go to the next child."""
         cells, index = ticker.cells, ticker.cells[self.position]
         if outcome == FAILURE:
             return self.finish(ticker, FAILURE)
@@ -119,7 +119,7 @@ class PipelineNode(OneChildNode):
 
 
 class RoundRobinNode(OneChildNode):
-    """Ticks its children in turn until one succeeds. The next start begins with the child after that child.
+    """Ticks its children in turn until one succeeds. The next start begins with the child after the successful one.
 
     If `wrap_around` is false, the node ends without success after the last child.
 

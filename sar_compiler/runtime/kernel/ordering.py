@@ -5,7 +5,7 @@ from sar_compiler.runtime.kernel.tree_nodes import NodeBuilder, OneChildNode, Ti
 
 
 class OrderedNode(OneChildNode):
-    """Ticks its children in order. It ends when a child returns the opposite of `hands_over`.
+    """Ticks its children in order until one of them returns the opposite of the status `hands_over`.
 
     Attributes:
         hands_over: The outcome after which the next child is ticked.

@@ -10,8 +10,8 @@ from sar_compiler.runtime.kernel.times import Times
 from sar_compiler.runtime.kernel.tree_nodes import CellLayout, NodeBuilder, Ticker, TreeNode
 
 _MANY: Final = 2
-"""Numbers of writes above this number are reduced to it. It must not be 1, which is the number of writes of an entry that was removed and
-written again."""
+"""The maximum stored number of writes, which replaces all larger numbers. It must not be 1, because an entry that was
+removed and written again has been written once."""
 _LONG_AGO: Final = -1
 """This number stands for an outdated number of writes, which differs from the current number of every entry."""
 

@@ -135,7 +135,7 @@ class TreeNode:
         return CALLED
 
     def branch_count(self, ticker: "Ticker") -> int:  # noqa: ARG002
-        """Return in how many ways the next tick may continue, or 1 if this is not known. Only saves time."""
+        """Return in how many ways the next tick may continue, or 1 if this is not known."""
         return 1
 
     def begin(self, ticker: "Ticker") -> int:
@@ -194,7 +194,7 @@ class TreeNode:
 
 
 class ChildlessNode(TreeNode):
-    """A node without children. Except in step-by-step mode, `tick` completes its tick in one call."""
+    """A node without children. Except in step-by-step mode, one call of `tick` completes the tick."""
 
     def tick(self, ticker: "Ticker") -> int:
         """Tick the node."""
@@ -295,7 +295,7 @@ class Ticker:
             raise
 
     def reach(self, node: TreeNode) -> None:
-        """Prepare a node for a tick or a stop. The ticker of a live tree copies the behaviour's status here."""
+        """Prepare a node for a tick or a stop. The ticker of a live tree then copies the behaviour's status."""
 
     def stop(self, node: TreeNode) -> None:
         """Stop a node with children, and its descendants."""
@@ -415,7 +415,7 @@ class OwnNode(TreeNode):
         return CALLED if outcome == CALLED else self.resume(ticker, outcome)
 
     def set_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Return an outcome. Unless the outcome is SKIPPED, also set the node's status to it."""
+        """Set the node's status to an outcome, except for SKIPPED, and return the outcome."""
         if outcome != SKIPPED:
             ticker.cells[self.status_cell] = outcome
         return outcome
