@@ -26,13 +26,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("file", type=TREE_INPUT, metavar="FILE", help=INPUT_HELP)
     text = "a properties file with the probabilities (p) and times (sec) of outcomes (default: the mission's own)"
     add("--properties", type=YAML_FILE, metavar="P.yaml", help=text)
-    text = "another file with probabilities and times of outcomes, such as the output of sar-journal stats; may be repeated"
+    text = "another file with probabilities and times, such as of sar-journal stats; may be repeated"
     add("--outcomes", action="append", default=[], type=YAML_FILE, metavar="A.yaml", help=text)
     text = "the tick period in seconds (default: the period in --params, or 0.5)"
     add("--period", type=tick_period, metavar="SEC", help=text)
     text = f"explore at most N states; the runs beyond them stay undecided (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
-    text = "write an SVG plot that shows, over time, the probabilities that a run has ended and that it has succeeded"
+    text = "write an SVG plot of the probability of an end, and of success, over time"
     add("--plot", type=FILE, metavar="OUT.svg", help=text)
     add_search_options(parser, "predict")
     parser.set_defaults(run=predict_file)

@@ -175,8 +175,16 @@ def test_controls_and_decorators_that_are_only_described_are_nothing_to_play():
     assert [
         (found.code, found.message.split(",")[0], found.span.column) for found in error.value.findings
     ] == [
-        ("only-described", "<Both> is only described by a model", 48),
-        ("only-described", "<Twice> is only described by a model", 54),
+        (
+            "only-described",
+            "<Both> is only described by a model. A model does not define when a node ticks its children",
+            48,
+        ),
+        (
+            "only-described",
+            "<Twice> is only described by a model. A model does not define when a node ticks its children",
+            54,
+        ),
     ]
 
 

@@ -341,7 +341,7 @@ def test_a_limit_of_ones_own_is_read_off_the_attribute_that_the_meaning_names(li
     ("tag", "words"),
     [
         ("OwnSlip", "OwnSlip raised IndexError: list index out of range, for 'Here' on line 3"),
-        ("OwnGap", "OwnGap returned None; return an outcome set"),
+        ("OwnGap", "OwnGap returned None. Return an outcome set, for example the set of a child"),
     ],
 )
 def test_a_function_of_the_semantics_that_goes_wrong_is_told_with_its_class_at_the_node(tag, words):

@@ -344,7 +344,7 @@ class TestNamespaces:
             self.stack(robots, space, topic="/tf")
         graph = robots.graph()
         wanted = [Endpoint("node", "amcl"), Endpoint("action", "navigate_to_pose", NAVIGATE)]
-        said = "run with `--ros-args -r __ns:=/tb1`, or with /tb2 instead of /tb1"
+        said = "run with `--ros-args -r __ns:=/tb1`, or use /tb2 instead of /tb1"
         robots.until(lambda: graph.advice(wanted) == said, said)
 
     def test_a_mission_in_a_namespace_that_should_be_in_none_is_told_so(self, robots: Robots) -> None:
@@ -841,7 +841,7 @@ class TestFrames:
         robots.send_transforms(robots.node("/amcl"), ("map", "odom"))
         robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"), x=5.0)
         look = self.where(robots, "odom", "base_link")
-        said = "frame 'base_link' is static"
+        said = "frame 'base_link' is published as static"
         robots.until(lambda: str(look()).startswith(said), said)
         context.remove(robots.nodes.pop(2))
         robots.until(lambda: not isinstance(look(), str), "the frame")

@@ -674,7 +674,7 @@ class TestSetupAndShutdown:
         root: py_trees.behaviour.Behaviour = Probe()
         for _ in range(800):
             root = sequence(root)
-        with pytest.raises(TreeTooDeepError, match="801 levels"):
+        with pytest.raises(TreeTooDeepError, match="801 nested levels"):
             runner_of(root, ros.node())
 
     # What traces, as the measuring of coverage does, has a share of Python 3.12's stack at each level.

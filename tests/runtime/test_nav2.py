@@ -178,7 +178,9 @@ class TestNonblockingSequence:
     def test_a_child_that_is_skipped_is_an_error(self):
         stage = Stage()
         root = NonblockingSequence("n", stage.leaves(a="K"))
-        with pytest.raises(Nav2ControlError, match="'a' was skipped, which 'n' treats as"):
+        with pytest.raises(
+            Nav2ControlError, match="'a' was skipped, but 'n' does not accept skipped children"
+        ):
             root.tick_once()
 
 

@@ -303,7 +303,7 @@ def test_what_is_computed_is_what_is_played(seed):
             "'SUCCESS' of this leaf is listed twice",
         ),
         ("A: [{outcome: SUCCES, p: 0.7}]", "never returns 'SUCCES'"),
-        ("P: [{outcome: SUCCESS, sec: 3}]", "none of these outcomes is RUNNING"),
+        ("P: [{outcome: SUCCESS, sec: 3}]", "none of these outcomes has the status RUNNING"),
         ("A: [{outcome: SUCCESS, when: f == 1}]", "'outcome' refers to a declared outcome"),
         ("A: [{outcome: SUCCESS, p: 1.5}]", "p"),
         ("A: [{p: 0.5}]", "needs"),
