@@ -49,6 +49,15 @@ def test_it_tells_people_what_would_have_succeeded(why):
     )
 
 
+def test_the_leaf_whose_success_alone_suffices_ranks_above_a_decorator_that_repeats_its_failure(why, tree):
+    once = f'<RunOnce name="Once" then_skip="false">{BODY}</RunOnce>'
+    body = f'<RetryUntilSuccessful num_attempts="2">{once}</RetryUntilSuccessful>'
+    tree.write_text(document(body), encoding="utf-8")
+    told = why()
+    assert "\nLikeliest cause:\n  0:00  Look FAILURE" in told
+    assert "Once FAILURE" in told.partition("The root has failed:")[2]
+
+
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
