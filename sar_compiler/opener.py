@@ -152,9 +152,10 @@ class FileContent(NamedTuple):
             UnreadableFileError: If the file is larger than the limit of its kind.
         """
         if len(self.data) > self.kind.limit:
-            limit = f"{self.kind.limit // _MIB} MiB"
+            limit = self.kind.limit
+            size = f"{limit // _MIB} MiB" if limit >= _MIB else f"{limit // 1024} KiB"
             raise UnreadableFileError(
-                self.path, f"it is larger than {limit}, the limit of a {self.kind.name}"
+                self.path, f"it is larger than {size}, the limit of a {self.kind.name}"
             )
         return self.data
 

@@ -54,7 +54,7 @@ def test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on():
     content = read_file("file", SMALL)
     assert len(content.data) == 11
     with pytest.raises(
-        UnreadableFileError, match=r"cannot read file: it is larger than 0 MiB, the limit of a small file"
+        UnreadableFileError, match=r"cannot read file: it is larger than 0 KiB, the limit of a small file"
     ):
         content.all_bytes()
 

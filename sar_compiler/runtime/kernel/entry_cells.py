@@ -20,14 +20,12 @@ class EntryCells:
     Attributes:
         now: The number of each entry's current content, by the entry's index.
         names: The names of the entries, by index.
-        known: The number of known entries and contents.
         lent: By entry index, the values that were read and can be changed in place.
         freeze: Function that is given the index of an entry and a value read from it, and returns the entry's content.
     """
 
     def __init__(self) -> None:
         self.now: vec[i32] = vec[i32]()
-        self.known = 0
         self.names: list[str] = []
         self.lent: dict[int, Any] = {}
         self.freeze: Callable[[int, Any], Hashable] | None = None
@@ -42,7 +40,6 @@ class EntryCells:
         if place < 0:
             place = self._places[name] = len(self.names)
             self.names.append(name)
-            self.known += 1
             self.now = append(self.now, NOTHING)
             self._nothing = append(self._nothing, NOTHING)
             self._contents.append([None])
@@ -61,7 +58,6 @@ class EntryCells:
             contents = self._contents[place]
             number = numbers[content] = len(contents)
             contents.append(content)
-            self.known += 1
         self.now[place] = number
 
     def restore(self, now: vec[i32]) -> None:
