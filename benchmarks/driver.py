@@ -48,14 +48,14 @@ class Driver:
 
 
 def driver_path() -> Path | None:
-    """Return the path of the driver; None if it is not built."""
+    """Return the path of the driver, or None if the driver is not built."""
     path = Path(os.environ.get(VARIABLE, ""))
     return path if path.is_file() else None
 
 
 @contextmanager
 def running() -> Iterator[Driver | None]:
-    """Run the driver; None if it is not built."""
+    """Run the driver. Yield None if the driver is not built."""
     path = driver_path()
     if path is None:
         yield None

@@ -73,7 +73,7 @@ def typos(count: int) -> Iterator[Typo]:
 
 
 def _make_typo(chance: random.Random, root: ET.Element) -> str | None:
-    """Put a typo somewhere into a tree, and return the kind of place; None if there is none."""
+    """Insert a typo into a tree, and return the kind of its place, or None if the tree has no such place."""
     element, where = chance.choice([*root.iter()][1:]), chance.choice(("tag", "attribute", "value"))
     if where == "tag":
         element.tag = typo(chance, element.tag)

@@ -43,7 +43,7 @@ def merged(run: Run, recorded: Run) -> Run:
 
 
 def load(path: Path) -> Run:
-    """Return the record; an empty one if there is none."""
+    """Return the record, or an empty record if there is no file."""
     if not path.exists():
         return Run({}, {})
     data = json.loads(path.read_bytes())

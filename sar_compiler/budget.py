@@ -29,7 +29,10 @@ MAX_SEC, MAX_MEMORY_MB = 60.0, 2000
 """The default limits of an analysis."""
 
 WORK = 1 << 24
-"""The default work for searching the runs of a file: about 80,000 ticks of 10 nodes, or 4,000 ticks of 4,000 nodes."""
+"""The default limit of the work for searching the runs of a file.
+
+It suffices for about 80,000 ticks of 10 nodes, or 4,000 ticks of 4,000 nodes.
+"""
 _FILES_WITH_FULL_WORK = 10
 """If more files are checked, the work for each file is reduced, at most to a sixteenth."""
 
@@ -41,7 +44,7 @@ _EXTRA_TIME, _EXTRA_MEMORY = 0.2, 0.5
 
 
 def work_for(files: int) -> int:
-    """Return the work for searching the runs of each file if this number of files is checked."""
+    """Return the work that may be spent on searching the runs of each file when *files* files are checked."""
     return min(WORK, max(WORK * _FILES_WITH_FULL_WORK // max(files, 1), WORK // 16))
 
 
@@ -80,13 +83,13 @@ class Budget:
 
     Args:
         max_sec: The maximum time by *clock*, in seconds, from the creation of the budget.
-        max_memory_mb: The maximum memory of the process, 10^6 bytes.
+        max_memory_mb: The maximum memory of the process, in MB (10^6 bytes).
         patience_sec: The minimum time, in seconds, between spending the budget and abandoning the analysis; 0 for code that never checks
                       whether to stop.
         clock: The clock of the time limit; `time.monotonic` for work in other processes.
         on_progress: Called repeatedly with the progress of a search, in the thread of the analysis.
-        memory: Returns the memory of the process, 10^6 bytes: by default the peak, which only suits a process that ends with
-                the analysis.
+        memory: Returns the memory of the process, in MB (10^6 bytes). By default, this is the peak
+            memory, which only suits a process that ends with the analysis.
 
     Attributes:
         reason: Why the budget is spent, in words; empty until then.
@@ -227,7 +230,10 @@ def _raise_exit_in(thread: threading.Thread) -> None:
 
 
 def memory_now_mb() -> float:
-    """Return the current memory of this process, 10^6 bytes, or its peak memory if the system does not report the current one."""
+    """Return the memory that this process currently uses, in MB (10^6 bytes).
+
+    If the system does not report this value, return the peak memory.
+    """
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:
@@ -236,7 +242,7 @@ def memory_now_mb() -> float:
 
 
 def memory_mb() -> float:
-    """Return the peak memory of this process, 10^6 bytes."""
+    """Return the peak memory of this process, in MB (10^6 bytes)."""
     try:
         import resource
     except ImportError:  # a browser has no such module

@@ -250,7 +250,10 @@ def missing_library_message(error: ImportError) -> str | None:
 
 
 def _usage_suggestion(message: str, options: Iterable[str], *, has_ros: bool) -> str:
-    """Return a suggestion to append to argparse's message: the choice or option that the user probably meant; empty if unknown."""
+    """Return a suggestion to append to argparse's message: the choice or option that the user probably meant.
+
+    Return an empty string if there is no suggestion.
+    """
     from sar_compiler.tree.guessing import did_you_mean, nearest
 
     if chosen := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):

@@ -26,7 +26,7 @@ class NodeError(SarError):
     """A node cannot continue.
 
     Attributes:
-        node: The node's name; empty if unknown.
+        node: The node's name; empty if the name is unknown.
     """
 
     def __init__(self, message: str, node: str = "") -> None:

@@ -637,7 +637,10 @@ def _open(path: Path, limits: list[_Confinement]) -> tuple[int, Path]:
 
 
 def _location_by_handle(handle: int) -> Path | None:
-    """Return the location of an open file according to `/proc`, for a pipe without a folder; None if it is deleted or unknown."""
+    """Return the location of an open file according to `/proc`.
+
+    Return None if the file is deleted or its location is unknown. The location of a pipe has no folder.
+    """
     try:
         # A path that ends with "(deleted)" may belong to a deleted file, or to a file with such a name.
         if not os.fstat(handle).st_nlink:

@@ -73,8 +73,8 @@ class HiddenSurvivor:
 
         Args:
             area: The name of the area.
-            robot: The robot's position, metres, frame `map`; None if unknown, in which case no
-                survivor in a polygon is detected.
+            robot: The robot's position, in metres, frame `map`; None if this position is unknown, in which case
+                no survivor in a polygon is detected.
         """
         if area != self.area:
             return None

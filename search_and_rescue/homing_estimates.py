@@ -47,7 +47,7 @@ class HomingEstimator:
         energy: The model of the robot's battery.
         reserve: Charge that must be left on arrival at home, in addition to `ends_below`.
         ends_below: Charge below which a failsafe ends the mission, 1 for a full battery; 0 without such a failsafe.
-        place: The robot's last known pose; None if unknown.
+        place: The robot's last known pose; None if no pose is known.
         is_asked: Whether the tree checks the way home. Only then are `figures` displayed.
         ends_at: Time at which the mission must end, seconds of the mission's clock.
     """

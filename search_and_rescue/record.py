@@ -42,7 +42,7 @@ class FoundSurvivor:
     """A detected survivor.
 
     Attributes:
-        zone_id: The zone of the detection; empty if unknown.
+        zone_id: The zone of the detection; empty if the zone is unknown.
         x: The x coordinate in the frame `map`, metres.
         y: The y coordinate in the frame `map`, metres.
         survivor_id: The survivor's name, which is also the TF frame; None until a name is assigned.

@@ -25,8 +25,8 @@ GROUPS = {
 HEAD = """# Python API
 
 This page lists all public names. All other names may change without notice. The docstrings in the sources describe arguments, units and
-errors. [Use sar_compiler from Python](../how-to/use-from-python.md) and
-[Write leaves](../how-to/write-a-leaf.md) contain examples.
+errors. For examples, see the pages [Use sar_compiler from Python](../how-to/use-from-python.md) and
+[Write leaves](../how-to/write-a-leaf.md).
 """
 _PUBLIC = re.compile(r"^    from (\S+) import (\w+) as \2$", re.MULTILINE)
 _Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef

@@ -155,7 +155,7 @@ class DriveForward(_DrivingLeaf):
     uses=[Use.topic("odometry/filtered")],
 )
 class SpinInPlace(_DrivingLeaf):
-    """Turn to a heading with a proportional controller; SUCCESS once it is reached.
+    """Turn to a heading with a proportional controller. Return SUCCESS once the heading is reached.
 
     Args:
         name: The node's name.

@@ -89,7 +89,7 @@ class ImpossibleEvent(NamedTuple):
         event: The event, such as `GuardBase lost`.
         place: The location of the event's node, `file:line:column`.
         possible: The events that were possible instead.
-        why: The reason why the event is impossible; empty if unknown.
+        why: The reason why the event is impossible; empty if the reason is unknown.
         run: The last events up to this event.
     """
 
@@ -415,7 +415,14 @@ def _violated_assumption(leaf: StubLeaf, event: Event) -> str:
 
 
 class _Violation(NamedTuple):
-    """The violation of a property: its tick, time and event (None for the end of a run)."""
+    """The violation of a property.
+
+    Attributes:
+        tick: The tick in which the property was violated.
+        time_sec: The time of the violation, in seconds.
+        event: The event that violated the property; None if the end of the run violated it.
+        by_events: Whether the run was no longer possible for the tree, so that only its events were evaluated.
+    """
 
     tick: int
     time_sec: float

@@ -244,7 +244,7 @@ class RuntimeMonitor:
         Args:
             number: The leaf's number.
             status: The status.
-            label: The label of the outcome; empty if unknown.
+            label: The label of the outcome; empty if the label is unknown.
         """
         numbers = self._numbers.get((number, RETURNED, status, label))
         if numbers is None:

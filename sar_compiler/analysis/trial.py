@@ -156,7 +156,7 @@ class _PlainScriptCheck:
         self._types: dict[str, type] = {}
 
     def visit(self, bound: BoundNode, known: frozenset[str]) -> frozenset[str] | None:
-        """Return the variables with values after a node has succeeded, or None if a script may raise an error.
+        """Return the variables that have a value once a node has succeeded; None if a script may fail.
 
         Args:
             bound: The node.

@@ -40,7 +40,7 @@ def serve_agent(arguments: argparse.Namespace) -> int:
     """
     if arguments.trust:
         raise SarError(
-            "--trust cannot be used with this command, because it would also trust an agent's changes to the modules. Run another command with --trust once"
+            "--trust cannot be used with this command, because it would also trust changes that an agent makes to the modules. To trust the current modules, run sar-compile validate with --trust once"
         )
     from sar_compiler.agent.mcp_server import ToolAccess, agent_server, find_roots
     from sar_compiler.commands import version_of

@@ -153,10 +153,10 @@ class Groot2Publisher:
 
     def _respond(self, header: bytes, *rest: bytes) -> list[bytes]:
         if len(header) != _HEADER.size:
-            raise RequestError("wrong request header")
+            raise RequestError("the header of this request has a wrong length")
         responder = self._responders.get(header[1:2])
         if responder is None:
-            raise RequestError("Request not recognized")
+            raise RequestError("this kind of request is unknown")
         second = responder(rest)
         return [bytes([_VERSION]) + header[1:] + self._id, *([] if second is None else [second])]
 
@@ -212,7 +212,7 @@ def _text(rest: Sequence[bytes]) -> str:
         RequestError: If the request does not have exactly two frames, or the text is not valid UTF-8.
     """
     if len(rest) != 1:
-        raise RequestError("must be 2 parts message")
+        raise RequestError("this request must have exactly 2 parts")
     try:
         return rest[0].decode()
     except UnicodeDecodeError as error:

@@ -26,7 +26,7 @@ def parse_seen(text: str) -> dict[str, str]:
     """Parse the objects that the sender of a command saw from JSON text.
 
     Raises:
-        ValueError: If the text is not a JSON object of strings, or is too large.
+        ValueError: If the text is not a JSON object of strings, or if it has too many or too long strings.
     """
     try:
         seen = json.loads(text)

@@ -176,7 +176,7 @@ class Figure(NamedTuple):
     Attributes:
         name: The counted or measured quantity, such as `points visited`.
         value: The count or amount.
-        of: The total; None if unknown.
+        of: The total; None if the total is unknown.
         unit: The unit; empty if there is none.
         least: The required value: if the mission ends with a lower value, a person must decide what to do. None for no requirement.
     """

@@ -334,9 +334,9 @@ class Journal:
 
     @contextmanager
     def ordered_by(self, author: CommandAuthor) -> Iterator[list[str]]:
-        """Record a command's author and reason with each event of the block.
+        """Record the author and reason of a command with every event recorded inside the `with` block.
 
-        Yield a list for the kinds of the events.
+        Yield a list to which the kind of each of these events is appended.
         """
         self._author, self._caused_kinds = author, []
         try:

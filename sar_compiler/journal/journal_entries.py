@@ -104,7 +104,8 @@ class CommandAuthor(NamedTuple):
     """The author of a command, and the reason for the command.
 
     Attributes:
-        name: A person, a program or a property, in words, such as `Ann (page, 127.0.0.1)`; empty if unknown.
+        name: A person, a program or a property, in words, such as `Ann (page, 127.0.0.1)`; empty if the
+            author is unknown.
         reason: The reason that the author has stated; empty if there is none.
     """
 

@@ -409,7 +409,11 @@ class MissionState:
         return [*own, *reported.values()]
 
     def word_of(self, watched: WatchedProperty) -> str:
-        """Return the state of a property in a word: `broken`, `owed`, `watched`, or `kept` after the run."""
+        """Return the state of a property as one word.
+
+        The words are `broken` (violated), `owed` (still requires an event), `watched` (not violated so far)
+        and, after the run, `kept` (not violated).
+        """
         if watched.broken is not None:
             return "broken"
         if watched.is_owed:

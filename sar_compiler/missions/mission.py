@@ -131,7 +131,7 @@ def _is_number(value: Any) -> bool:
 
 
 class SearchedArea(NamedTuple):
-    """An area that the robot will search, for the route check.
+    """An area that the robot will search. The route check computes the reachable part of this area.
 
     Attributes:
         name: The area's name.
@@ -230,16 +230,20 @@ class MissionRun:
         return None
 
     def route(self) -> Sequence[tuple[str, float, float]]:
-        """Return the names and positions of the robot's targets, in order, for the route check.
+        """Return the names and positions of the robot's targets, in order.
 
-        Each position has the coordinates x and y in metres, frame `map`.
+        The route check computes the path to each target from the previous one. Each position has the coordinates
+        x and y in metres, frame `map`.
 
         By default, the targets are the locations of `places`.
         """
         return [(name, *place) for name, place in (self.places() or {}).items()]
 
     def optional_stops(self) -> Sequence[tuple[str, float, float]]:
-        """Return the names and positions of optional stops, such as charging places, for the route check."""
+        """Return the names and positions of optional stops, such as charging places.
+
+        The route check computes the path from the start to each of them.
+        """
         return []
 
     def searched_areas(self) -> Sequence[SearchedArea]:

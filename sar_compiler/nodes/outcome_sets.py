@@ -358,7 +358,7 @@ def number(bound: "NodeView", name: str) -> float | None:
 
 
 def milliseconds(bound: "NodeView", name: str) -> float | None:
-    """Return a constant attribute, which is in milliseconds, in seconds; None for other attributes."""
+    """Convert a constant attribute from milliseconds to seconds; return None for other attributes."""
     value = number(bound, name)
     return None if value is None else value / 1000
 

@@ -183,7 +183,8 @@ class Semantics(NamedTuple):
         """Return the semantics of a node that ticks its children in parallel.
 
         Args:
-            possible: A function that computes the node's outcome set from the sets of its children; None if unknown.
+            possible: A function that computes the node's outcome set from the sets of its children; None
+                if the outcome set cannot be computed.
             counts: The ports whose values are numbers of children.
         """
         return cls(possible, Order.TOGETHER, counts=counts)

@@ -462,7 +462,7 @@ class NodeSpec:
         return self.signature.factory or self.class_path
 
     def is_class_of(self, parameter: Parameter) -> bool:
-        """Return whether a reference may name this node.
+        """Return whether an attribute that refers to another node can refer to this node.
 
         The node's class must be the parameter's class or a subclass of it.
 

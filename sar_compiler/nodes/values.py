@@ -432,7 +432,7 @@ def parse_real(text: str) -> float:
         raise ConversionError(f"'{text}' is not a number", intended_number(text), number_hint(text))
     value = float(text)
     if not math.isfinite(value):
-        raise ConversionError(f"'{text}' is too large for a number")
+        raise ConversionError(f"'{text}' is too large to be represented as a number")
     return value
 
 

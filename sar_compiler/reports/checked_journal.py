@@ -38,7 +38,7 @@ class CheckedJournal(NamedTuple):
 
         Args:
             place: The path of the journal.
-            expected: The head that the chain must have; None if unknown.
+            expected: The head that the chain must have; None if this head is unknown.
 
         Raises:
             JournalError: If the journal cannot be read.

@@ -26,7 +26,7 @@ class ReportError(SarError):
 
 
 def georeference(state: MissionState) -> Georeference | None:
-    """Return the georeference of a mission's map, or None if it is unknown."""
+    """Return the georeference of a mission's map, or None if the map has no known georeference."""
     return state.place or Georeference.from_parameters(state.parameters)
 
 
@@ -179,7 +179,7 @@ def require_form(file: Path, place: Georeference | None) -> None:
 
     Args:
         file: The path of the report.
-        place: The georeference of the map; None if unknown.
+        place: The georeference of the map; None if the map has no known georeference.
 
     Raises:
         ReportError: If the report cannot be written.

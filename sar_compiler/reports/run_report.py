@@ -18,7 +18,7 @@ class RunReport(RunExtension):
 
     Args:
         files: The paths of the reports.
-        place: The georeference of the map; None if unknown.
+        place: The georeference of the map; None if the map has no known georeference.
         earlier: The entries of earlier runs of the mission.
         folder: The journal's folder.
 

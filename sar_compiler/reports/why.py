@@ -49,7 +49,7 @@ class NodeStatus(NamedTuple):
     Attributes:
         node: The node's number; None for the run.
         name: The node's name.
-        place: `file:line`; empty if unknown.
+        place: `file:line`; empty if the location is unknown.
         depth: The depth below the first node of the chain.
         status: The status.
         label: The label of a leaf's outcome; empty if several labels are possible, None if the leaf declares no labels.

@@ -486,7 +486,10 @@ def read_odometry(message: bytes) -> OdometryReading:
 
 
 def remaining_drive(feedback: Any) -> tuple[float, float] | None:
-    """Return the remaining distance (m) and time (s) of a drive from Nav2's feedback, or None if unknown."""
+    """Return the remaining distance (m) and time (s) of a drive according to Nav2's feedback.
+
+    Return None if the distance is unknown.
+    """
     metres, time = feedback.distance_remaining, feedback.estimated_time_remaining
     return (metres, time.sec + time.nanosec * 1e-9) if math.isfinite(metres) and metres >= 0.0 else None
 

@@ -124,7 +124,7 @@ class RobotEstimate:
 
     @property
     def speed_text(self) -> str:
-        """The speeds in the latest odometry, for messages."""
+        """The speeds in the latest odometry, as text for messages."""
         return f"{self.speed[0]:.2f} m/s, {self.speed[1]:.2f} rad/s"
 
     def call_at_standstill(self, listener: Callable[[], None]) -> None:
@@ -164,11 +164,11 @@ class RobotEstimate:
         return self._states[name]
 
     def last_pose(self) -> PlanarPose | None:
-        """Return the robot's latest localised pose, in the frame `map`; None if it is unknown."""
+        """Return the robot's latest localised pose, in the frame `map`; None if the pose is unknown."""
         return self._place_by_transforms() or self.pose
 
     def current_pose(self) -> PlanarPose | None:
-        """Return the robot's current pose, in the frame `map`; None if it is unknown or outdated."""
+        """Return the robot's current pose, in the frame `map`; None if the pose is unknown or outdated."""
         if self.lost_transforms():
             return None
         # The localisation only publishes a pose after a movement. Between two poses, only recent odometry shows the current pose.
@@ -261,7 +261,10 @@ class RobotEstimate:
         return self._has_own_transforms and not is_own
 
     def _place_by_transforms(self) -> PlanarPose | None:
-        """Compute the robot's pose from the latest transforms from `map` and the odometry; None if unknown."""
+        """Compute the robot's pose from the latest transforms from `map` and the odometry.
+
+        Return None if the pose is unknown.
+        """
         from rclpy.serialization import deserialize_message
         from tf2_msgs.msg import TFMessage
 

@@ -158,7 +158,7 @@ def _integer(word: str, start: int) -> int:
     digits = digits.lstrip("0") or "0"
     value = int(digits, base) if len(digits) < len(str(LARGEST_INTEGER)) + 1 else LARGEST_INTEGER + 1
     if value > LARGEST_INTEGER:
-        message = f"{excerpt(word)} is too large for an integer"
+        message = f"{excerpt(word)} is too large to be represented as an integer"
         hint = f"write an integer of at most {LARGEST_INTEGER}, or a real number such as 1e20"
         raise ScriptError(message, start, start + len(word), hint=hint)
     return value
@@ -167,7 +167,9 @@ def _integer(word: str, start: int) -> int:
 def _real(word: str, start: int) -> float:
     value = float(word)
     if math.isinf(value):
-        raise ScriptError(f"{excerpt(word)} is too large for a number", start, start + len(word))
+        raise ScriptError(
+            f"{excerpt(word)} is too large to be represented as a number", start, start + len(word)
+        )
     return value
 
 

@@ -247,7 +247,7 @@ def to_int64(value: ScriptValue) -> int:
     if isinstance(value, float) and not value.is_integer():
         raise RefusedValueError(f"{describe_value(value)} is not an integer")
     if not -LARGEST_INTEGER - 1 <= value <= LARGEST_INTEGER:
-        message = f"{describe_value(value)} is too large for an integer (the limit is {LARGEST_INTEGER})"
+        message = f"{describe_value(value)} is too large to be represented as an integer (the limit is {LARGEST_INTEGER})"
         raise RefusedValueError(message)
     return int(value)
 

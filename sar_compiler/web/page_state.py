@@ -48,7 +48,7 @@ class LastStatus(NamedTuple):
         message: The message of the node.
         failed: The time of the last failure; None if there was none.
         failure: The message of the last failure.
-        label: The label of the outcome; empty if unknown.
+        label: The label of the outcome; empty if the label is unknown.
         ends: The numbers of recorded ends with SUCCESS, FAILURE and HALTED. An end that is repeated in consecutive ticks is recorded once.
         ran: The total running time before these ends, in seconds.
         longest: The longest running time before an end, in seconds.
@@ -388,7 +388,10 @@ class PageState:
         return self._mission.situation.rasters[name]._asdict()
 
     def _north(self) -> float | None:
-        """Return the direction of north as an angle from the x axis of the frame `map`, radians; None if unknown."""
+        """Return the direction of north as an angle from the x axis of the frame `map`, in radians.
+
+        Return None if the direction is unknown.
+        """
         georeference = Georeference.from_parameters(self._mission.parameters)
         return None if georeference is None else math.radians(georeference.heading)
 

@@ -436,7 +436,7 @@ class TestManyCalls:
         (["--root", "nowhere"], "sar-compile: --root nowhere is not a folder\n"),
         (
             ["--trust"],
-            "sar-compile: --trust cannot be used with this command, because it would also trust an agent's changes to the modules. Run another command with --trust once\n",
+            "sar-compile: --trust cannot be used with this command, because it would also trust changes that an agent makes to the modules. To trust the current modules, run sar-compile validate with --trust once\n",
         ),
     ],
 )

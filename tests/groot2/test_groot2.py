@@ -250,15 +250,15 @@ def test_a_value_that_changes_while_it_is_asked_for_is_told_as_it_was(stage):
 @pytest.mark.parametrize(
     ("frames", "words"),
     [
-        ([b""], "wrong request header"),
-        ([b"abc"], "wrong request header"),
-        ([request("T") + b"x"], "wrong request header"),
-        ([request("?")], "Request not recognized"),
-        ([request("N")], "Request not recognized"),
-        ([request("B")], "must be 2 parts message"),
-        ([request("B"), b"a", b"b"], "must be 2 parts message"),
+        ([b""], "the header of this request has a wrong length"),
+        ([b"abc"], "the header of this request has a wrong length"),
+        ([request("T") + b"x"], "the header of this request has a wrong length"),
+        ([request("?")], "this kind of request is unknown"),
+        ([request("N")], "this kind of request is unknown"),
+        ([request("B")], "this request must have exactly 2 parts"),
+        ([request("B"), b"a", b"b"], "this request must have exactly 2 parts"),
         ([request("B"), b"\xff\xfe"], "the second part of the request is not valid UTF-8"),
-        ([request("r")], "must be 2 parts message"),
+        ([request("r")], "this request must have exactly 2 parts"),
         ([request("I"), b"{}"], "breakpoints and substituted outcomes are not supported"),
     ],
 )

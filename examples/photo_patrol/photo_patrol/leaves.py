@@ -92,13 +92,13 @@ class TakePhoto(ServiceLeaf):
         self._patrol = patrol
 
     def request(self) -> Any:
-        """Return an empty request; SUCCESS if there is a photo, by a run that this one goes on with."""
+        """Return an empty request, or SUCCESS if the resumed run has already taken the photo."""
         if self._patrol.point is not None and self._patrol.point["id"] in self._patrol.photos:
             return Status.SUCCESS
         return self.interface.Request()
 
     def on_response(self, response: Any) -> Status:
-        """Note the photo; FAILURE if the camera has taken none."""
+        """Record the photo. Return FAILURE if the camera has taken no photo."""
         if response.success:
             self._patrol.photographed(response.message)
         return super().on_response(response)

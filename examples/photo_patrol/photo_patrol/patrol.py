@@ -31,7 +31,7 @@ class Patrol:
 
     @property
     def point(self) -> Mapping[str, Any] | None:
-        """The current point; None once all were visited."""
+        """The current point; None once all points were visited."""
         return self._left[0] if self._left else None
 
     def photographed(self, photo: str) -> None:

@@ -70,8 +70,8 @@ class Prediction:
         success: The probability that a run ends with the root SUCCESS.
         ends: The probability that a run ends.
         properties: The probability that each property holds, by property name.
-        time_sec: The expected duration of the runs that end, in seconds; None if it is unknown, or no run ends. If
-            probabilities are unknown, the bounds are the durations for which success is least and most probable.
+        time_sec: The expected duration of the runs that end, in seconds; None if the duration is unknown,
+            or if no run ends. If probabilities are unknown, the bounds are the durations for which success is least and most probable.
         success_sec: The expected duration of the runs that succeed, like `time_sec`.
         distribution: The times at which runs end, in seconds, each with the probabilities that a run has succeeded and
             that it has ended by this time; empty if the computation would be too large. In the distribution and in
@@ -106,7 +106,7 @@ class Prediction:
     merged: tuple[MergedValues, ...] = ()
 
     def quantile(self, share: float) -> float | None:
-        """Return the time in seconds by which a share of the ending runs has ended, or None if unknown."""
+        """Return the time in seconds by which a share of the ending runs has ended; None if it is unknown."""
         whole = self.distribution[-1][2] if self.distribution else 0.0
         return next((sec for sec, _, ended in self.distribution if ended >= share * whole - _ROUNDING), None)
 

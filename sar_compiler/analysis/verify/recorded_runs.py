@@ -67,7 +67,8 @@ class ObservedPrefix(NamedTuple):
 
     Attributes:
         statuses: The last status of each node, by node number; empty for an idle node.
-        labels: The label of each leaf's last outcome, by node number; None if unknown (only statuses are compared).
+        labels: The label of each leaf's last outcome, by node number. If a label is None, it is unknown,
+            and only the leaf's status is compared.
     """
 
     statuses: dict[int, str]

@@ -281,7 +281,7 @@ class TreeStepper:
         return self._rules.judge(outcome, watched, idle)
 
     def violated_properties(self) -> tuple[tuple[int, Event], ...]:
-        """Return the rule number of each event property that the last tick violated, and the violating event."""
+        """Return the rule number of each event property that the last tick violated, and the event."""
         if not self.steps.broken:
             return ()
         watched, found = self._watched, []

@@ -386,7 +386,10 @@ def _can_pass(writer: EntryAccess, use: EntryAccess, outcomes: PossibleOutcomes)
 
 
 def _outcomes_without_write(writer: EntryAccess, top: TreePosition, outcomes: PossibleOutcomes) -> int:
-    """Return the possible results of the node at *top* if a leaf below it did not write a key; 0 if unknown."""
+    """Return the possible results of the node at *top* if a leaf below it did not write a key.
+
+    Return 0 if these results are unknown.
+    """
     ended = 0
     for outcome in _silent_outcomes(writer) or ():
         ended |= BITS[outcome.status]

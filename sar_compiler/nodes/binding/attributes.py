@@ -197,7 +197,7 @@ class AttributeBinder:
         return bool(name in element.attributes and self.convert(element, name, _BOOL_TYPE))
 
     def _is_unclosed(self, element: Element, name: str) -> bool:
-        """Report a key that lacks one of its braces. Return False if the text is not such a key."""
+        """Return whether the text is a key that lacks one of its braces. If it is, report it."""
         suggestion = complete_key_braces(element.attributes[name])
         if suggestion is not None:
             message = f"{name}: a key needs two braces, but '{element.attributes[name]}' has one"

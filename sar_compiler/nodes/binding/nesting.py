@@ -148,7 +148,7 @@ RESERVED = ("Root", "root")
 
 
 def invalid_id_part(name: str) -> str | None:
-    """Return the invalid character in the ID of a tree or a node, for messages; None if the ID is valid."""
+    """Describe the invalid character in the ID of a tree or a node; return None if the ID is valid."""
     found = re.search(_REFUSED, name)
     if found is None:
         return None

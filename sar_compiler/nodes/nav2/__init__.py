@@ -246,7 +246,10 @@ def _spec(tag: str, data: Mapping[str, Any], version: str) -> NodeSpec:
 
 
 def _ports(texts: Sequence[str], version: str, *, is_free: bool = False) -> Iterator[Parameter]:
-    """Yield the ports of a node in a distribution; a node with a class requires the ports without a default."""
+    """Yield the ports of a node in a distribution.
+
+    If *is_free* is set, this project has a class for the node, and ports without a default are required.
+    """
     for text in texts:
         match = _PORT.fullmatch(text)
         assert match is not None, text  # noqa: S101 - an error in the data

@@ -173,7 +173,7 @@ class TreeNode:
         raise NotImplementedError
 
     def reset_cells(self, ticker: "Ticker") -> None:
-        """Reset the node's own cells, except for cells that keep their values."""
+        """Reset the node's own cells, except for cells that were added with *keeps*."""
         cells = ticker.cells
         for cell in self._forgotten:
             cells[cell] = 0
