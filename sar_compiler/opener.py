@@ -154,9 +154,7 @@ class FileContent(NamedTuple):
         if len(self.data) > self.kind.limit:
             limit = self.kind.limit
             size = f"{limit // _MIB} MiB" if limit >= _MIB else f"{limit // 1024} KiB"
-            raise UnreadableFileError(
-                self.path, f"it is larger than {size}, the limit of a {self.kind.name}"
-            )
+            raise UnreadableFileError(self.path, f"it is larger than {size}, the limit of a {self.kind.name}")
         return self.data
 
     def decode(self) -> str:

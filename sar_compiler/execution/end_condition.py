@@ -77,7 +77,9 @@ class EndCondition:
             achieved = self.until is not Until.END or status == Status.SUCCESS
             return RunResult(achieved=achieved, reason=f"The root of the tree ended with {name}.")
         self._rounds += 1
-        self.say(f"Root {name}, starting again ({_ordinal(self._rounds)} time).")
+        # A tree that fails at once starts again in every tick, so fewer and fewer rounds are reported.
+        if self._rounds % 10 ** (len(str(self._rounds)) - 1) == 0:
+            self.say(f"Root {name}, starting again ({_ordinal(self._rounds)} time).")
         return None
 
     def _mission_result(self, status: Status) -> RunResult | None:
