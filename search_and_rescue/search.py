@@ -492,7 +492,7 @@ _SENTENCES: Mapping[str, Callable[..., str]] = {
     search_events.ZONE_POSTPONED: lambda zone: f"{zone} was postponed",
     search_events.ZONE_ABANDONED: _abandoned_text,
     search_events.SURVIVOR_NAMED: _named_text,
-    search_events.REPORT_SENT: lambda survivor: f"reported {survivor}",
+    search_events.REPORT_SENT: lambda survivor: f"sent the report of {survivor} to base",
     search_events.REPORT_KEPT: lambda survivor, **_place: f"the report of {survivor} is stored",
     search_events.REPORT_ACKNOWLEDGED: lambda survivor: f"base has acknowledged {survivor}",
     search_events.HOME_FIRST: lambda zone, reason, to="", **_figures: _home_first(reason, to),  # noqa: ARG005

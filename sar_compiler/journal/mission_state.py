@@ -282,6 +282,8 @@ class MissionState:
         self.map: Mapping[str, Any] = {}
         self.warnings: list[LogLine] = []
         self.goals: dict[str, str] = {}
+        # The goals that earlier runs have left behind.
+        self._left_goals: set[str] = set()
         self.tick = 0
         self._entry = JournalEntry(0, 1, 0.0, 0.0, "", {})
         self._now: EventTime | None = None
@@ -456,6 +458,7 @@ class MissionState:
 
     def _on_run_began(self, run: Mapping[str, Any], **about: Any) -> None:
         self.runs.append(RunState(self.now.run, self.now, run))
+        self._left_goals = {*self.goals}
         self.drive, self.plan, self.tick, self.lacks, self.breakpoint = None, [], 0, "", ""
         self.is_position_lost, self.awaited = False, ()
         self.finished, self.properties, self.assumption_failed_at = {}, {}, None
@@ -471,6 +474,10 @@ class MissionState:
         self.drive, self.lacks, self.is_position_lost = None, "", False
 
     def _on_goal_sent(self, action: str, goal: str) -> None:
+        # A run cancels the goals that an earlier run has left behind, before it sends a goal to the same action.
+        for each in self._left_goals:
+            if self.goals.get(each) == action:
+                del self.goals[each]
         self.goals[goal] = action
 
     def _on_goal_ended(self, goal: str, status: int) -> None:  # noqa: ARG002 - the names of the entry's data

@@ -98,6 +98,14 @@ def test_the_record_of_another_program_asks_for_nothing_that_only_its_mission_ca
     assert texts(state) == []
 
 
+def test_a_goal_of_a_crashed_run_is_over_once_the_next_run_has_sent_one_to_the_same_action():
+    state = mission(AT_HOME, goal=True)
+    state.apply(JournalEntry(3, 2, 5.0, 0.0, RUN_BEGAN, {"run": {"node": "/search"}}))
+    assert state.goals == {"a": "navigate_to_pose"}
+    state.apply(JournalEntry(4, 2, 6.0, 1.0, GOAL_SENT, {"action": "navigate_to_pose", "goal": "b"}))
+    assert state.goals == {"b": "navigate_to_pose"}
+
+
 def test_a_detection_is_reviewed_by_the_command_of_its_kind():
     (task,) = find_open_tasks(mission(FOUND))
     assert task == (
@@ -186,6 +194,8 @@ def test_a_battery_below_its_limit_calls_the_robot_home_while_the_run_lasts():
     assert texts(mission(gauges=(gauge,))) == ["Call the robot back: battery 19 %, below the limit of 20 %"]
     assert texts(mission(gauges=(gauge._replace(value=20.0),))) == []
     assert texts(mission(AT_HOME, gauges=(gauge,), end=0)) == []
+    at_home = texts(mission(AT_HOME, gauges=(gauge,)))
+    assert at_home == ["Charge the robot: battery 19 %, below the limit of 20 %"]
 
 
 def test_of_a_robot_that_comes_home_it_is_said_that_it_comes():
