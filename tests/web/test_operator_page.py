@@ -60,6 +60,8 @@ def test_stop_has_the_robot_stand_at_once_and_asks_whether_that_is_the_end(patro
     browser.wait_for("#ask", "The robot has been told to stop.")
     assert "Sure?" not in browser.text("#ask")
     assert (browser.text("#ask .no"), browser.text("#ask .yes")) == ("Stay paused", "Abort…")
+    patrol.journal.record_event("held", is_held=True)
+    browser.wait_for("#ask", "The robot has been told to stop. The mission is paused.")
     browser.type("#ask .no", Keys.ENTER)
     browser.wait(lambda: not browser.js("return document.getElementById('ask').open"), "the end of it")
     assert crew.given == [("pause", "")]

@@ -164,7 +164,15 @@ export class Orders {
         this.tell(`${this.addressed(holds.get(robot), robot)} …`, "asked");
         const sent = this.send(holds.get(robot), {}, robot, {});
         sent.then(([text, kind]) => {
-          say(line, kind === "done" ? `${who} has been told to stop.` : `${who} has not confirmed the stop: ${text}. Press the stop button on the robot.`);
+          if (kind !== "done") return say(line, `${who} has not confirmed the stop: ${text}. Press the stop button on the robot.`);
+          say(line, `${who} has been told to stop.`);
+          const watch = setInterval(() => {
+            if (!line.isConnected) clearInterval(watch);
+            else if (isHeld(this.stream.runs[robot])) {
+              clearInterval(watch);
+              say(line, `${who} has been told to stop. The mission is paused.`);
+            }
+          }, 200);
         });
         return [line, robot, sent];
       }
