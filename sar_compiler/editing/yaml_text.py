@@ -216,9 +216,12 @@ class YamlText:
         """Return the edits that add lines to an element's content, below the line that contains an offset."""
         if extent.content is None:
             column = self._source.position_of(self._source.spans.tag(element)[0])[1] + 1
-            colon = [] if extent.has_content else [TextEdit(extent.tag_end, extent.tag_end, ":")]
             below = self._line_at(self._next_line(extent.end), " " * column, lines)
-            return [*colon, below]
+            if extent.has_content:
+                return [below]
+            if below.start == extent.tag_end:  # the end of a file without a final line end
+                return [below._replace(text=f":{below.text}")]
+            return [TextEdit(extent.tag_end, extent.tag_end, ":"), below]
         column = self._source.position_of(extent.content)[1] - 1
         return [self._line_at(self._next_line(offset), " " * column, lines)]
 

@@ -249,6 +249,18 @@ def test_a_node_is_moved_with_the_comments_about_it_and_nothing_else_changes():
     assert moved == "".join([*lines[:8], *lines[12:15], "                - B: \n", *lines[8:12]])
 
 
+@pytest.mark.parametrize(
+    ("operation", "arguments", "below"),
+    [
+        ("set_attribute", {"element": 2, "name": "x", "value": "1"}, "x: 1"),
+        ("insert", {"parent": 2, "index": 0, "tag": "B"}, "children:\n                - B"),
+    ],
+)
+def test_a_bare_tag_at_the_end_of_a_file_without_a_line_end_is_given_content(operation, arguments, below):
+    text = "root:\n  children:\n    - BehaviorTree:\n        children:\n          - A"
+    assert edited(text, operation, "t.yaml", **arguments) == f"{text}:\n              {below}"
+
+
 def test_exchanging_equal_nodes_is_no_edit_that_undo_would_take_back():
     text = XML.replace('<B y="{k}"\n         z="2"/>', "<A/>\n      <A/>")
     assert edits_of(parse_tree(text, "tree.xml"), "move", element=4, parent=2, index=3) == []
