@@ -140,7 +140,10 @@ class Studio:
         shown = tree if tree in ids else next(filter(None, ids), None) if is_named_elsewhere else None
         try:
             sketch = loaded.sketch(shown)
-        except TreeError:
+        except TreeError as error:
+            # A file of models is correct, but has no tree to draw.
+            reasons = [each for each in error.findings if each not in findings]
+            result["findings"] += self._findings(loaded, parsed, reasons, offset)
             return result
         elements = [*parsed.root.iterate()]
         numbers = {each.position: number for number, each in enumerate(elements)}

@@ -47,6 +47,11 @@ def test_of_a_text_that_cannot_be_parsed_there_are_findings_and_no_drawing():
     assert (looked.keys(), looked["findings"][0]["code"]) == ({"findings"}, "malformed-xml")
 
 
+def test_of_a_file_without_a_tree_a_finding_says_why_there_is_no_drawing():
+    looked = ask("look", '<root BTCPP_format="4"><TreeNodesModel/></root>')
+    assert ("svg" in looked, [each["code"] for each in looked["findings"]]) == (False, ["no-tree"])
+
+
 def test_each_node_of_the_drawing_has_the_number_of_its_element():
     looked = ask("look")
     named = [looked["elements"][number]["attributes"] for number in looked["nodes"]]
