@@ -2,6 +2,7 @@
 
 import random
 import shutil
+import time
 from contextlib import closing
 from functools import partial
 from html import escape
@@ -9,10 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from sar_compiler.studio import edited_document
 from sar_compiler.studio.tree_studio import Studio
 from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.web.edit_page import edit_app
 from sar_compiler.web.page_server import AppServer
+from sar_compiler.writing import write_bytes
 from tests.chance import rounds
 from tests.trees import document
 from tests.web.browsers import open_browser
@@ -22,6 +25,7 @@ pytestmark = pytest.mark.costly
 __all__ = ["axe"]  # a fixture
 
 SHIPPED = Path("trees")
+COMPARED = "return performance.getEntriesByType('resource').filter((each) => each.name.endsWith('ask/compare')).length"
 _NODE = "return [...document.querySelectorAll('g.node')].find((each) => each.querySelector('text').textContent.endsWith(arguments[0]))"
 
 
@@ -223,6 +227,22 @@ def test_a_file_that_another_program_has_changed_is_not_overwritten_without_a_qu
     page.browser.js("document.querySelector('#choices button').click()")
     page.browser.wait_for("#state", "Saved")
     assert b"AlwaysSuccess" in page.path.read_bytes()
+
+
+@pytest.mark.parametrize("page", ["search_and_rescue.xml"], indirect=True)
+def test_a_slow_save_is_not_taken_for_a_change_by_another_program(page, monkeypatch):
+    def write_slowly(path, data):
+        write_bytes(path, data)
+        time.sleep(2.5)  # longer than the page waits until it compares the file again
+
+    monkeypatch.setattr(edited_document, "write_bytes", write_slowly)
+    page.browser.js("window.studio.replace('AdvanceZone', 'AlwaysSuccess')")
+    page.browser.click("#save")
+    page.browser.wait_for("#state", "Saved")
+    compared = page.browser.js(COMPARED)
+    page.browser.wait(lambda: page.browser.js(COMPARED) > compared + 1, "two comparisons")
+    page.undo()
+    page.wait_for_text(lambda text: text.encode() == page.before, "the first text")
 
 
 COUNTER = (

@@ -12,6 +12,7 @@ let editor;
 let specs = new Map();
 let version = "";
 let saved = "";
+let isSaving = false;
 // The selected element of the last analysed text, the changes since that text, and the element to select in the next text.
 let chosen = null;
 let pending = null;
@@ -430,7 +431,9 @@ async function leave(prepare) {
 
 async function save(overwrite = false) {
   const text = editor.text;
+  isSaving = true;
   const result = await ask("save", { text, version, overwrite });
+  isSaving = false;
   if (result.error) return say(result.error, true);
   if (result.has_changed) {
     const answer = await question("Another program has changed the file since you opened it. Overwrite it?", ["Overwrite", "Reload the file", "Cancel"]);
@@ -446,10 +449,12 @@ async function save(overwrite = false) {
 }
 
 async function compare() {
-  if (!editor || document.hidden || isLooking) return;
+  if (!editor || document.hidden || isLooking || isSaving) return;
+  const compared = version;
   const result = await ask("compare", { version });
   if (result.others_have_changed) await look();
-  if (!result.has_changed) return;
+  // What the page itself has saved meanwhile is no change by another program.
+  if (!result.has_changed || isSaving || version !== compared) return;
   if (!isDirty()) await load();
   else say("Another program has changed the file. You can overwrite or reload it when you save", true);
 }
