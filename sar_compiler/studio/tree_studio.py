@@ -24,7 +24,7 @@ from sar_compiler.budget import MAX_MEMORY_MB, Budget, Progress, memory_now_mb
 from sar_compiler.checks.fixing import each_fix
 from sar_compiler.documents.yaml_files import as_yaml
 from sar_compiler.editing.names import name_at, rename_edits
-from sar_compiler.editing.operations import edits_of
+from sar_compiler.editing.operations import EditedFile, edits_of
 from sar_compiler.editing.text_edits import EditError, TextEdit
 from sar_compiler.errors import SarError
 from sar_compiler.missions.tree_check import check_mission
@@ -181,16 +181,17 @@ class Studio:
         edits = edits_of(parse_tree(text, str(self._path)), operation, **arguments)
         return {"edits": _edits(text, edits)}
 
-    def rename(self, text: str, offset: int, name: str) -> object:
-        """Return the edits that rename the tree or key at an offset wherever its name occurs in the text.
+    def rename(self, text: str, element: int, name: str) -> object:
+        """Return the edits that rename the tree in the attribute `ID` of an element wherever its name occurs in the text.
 
         Raises:
-            EditError: If there is no name at the offset, or another file also contains the name.
+            EditError: If the element has no name of a tree, or another file also contains the name.
         """
         loaded = self._load(text)
-        named = name_at(loaded, offset)
+        span = EditedFile(loaded.forest.main).element(element).value_span("ID")
+        named = name_at(loaded, loaded.source.offsets(span)[0])
         if named is None:
-            message = "the text at this position is not the name of a tree or key"
+            message = "the element does not have the name of a tree"
             raise EditError(message)
         spots = rename_edits(named, name)
         other = next((each.source.path for each, _ in spots if each.source is not loaded.source), None)
@@ -200,7 +201,7 @@ class Studio:
             )
             raise EditError(message)
         edits = [TextEdit(*each.source.offsets(each.span), new) for each, new in spots]
-        return {"edits": _edits(text, edits)}
+        return {"edits": _edits(text, edits if name != named.name else [])}
 
     def palette(self, text: str) -> object:
         """Return the specs of the nodes that can be inserted, with their attributes."""

@@ -209,8 +209,23 @@ def test_a_leaf_has_the_outcomes_that_are_chosen_for_it():
 
 
 def test_a_tree_is_renamed_wherever_the_file_names_it():
-    edits = ask("rename", offset=TEXT.index('"SearchAndRescue"') + 1, name="Other")["edits"]
+    edits = ask("rename", element=1, name="Other")["edits"]
     assert [each["insert"] for each in edits] == ["Other"] * TEXT.count('"SearchAndRescue"')
+
+
+def test_a_tree_is_renamed_whatever_is_in_front_of_its_name():
+    text = document('<SubTree name="\U0001f600 ID of I" ID="I"/>').replace(
+        "</root>", '<BehaviorTree ID="I"><AlwaysSuccess/></BehaviorTree></root>'
+    )
+    first, second = ask("rename", text, element=2, name="J")["edits"]
+    units = text.encode("utf-16-le")
+    assert [units[2 * each["from"] - 4 : 2 * each["to"]].decode("utf-16-le") for each in (first, second)] == [
+        '="I'
+    ] * 2
+
+
+def test_a_tree_that_is_given_its_own_name_is_not_edited():
+    assert ask("rename", element=1, name="SearchAndRescue") == {"edits": []}
 
 
 @pytest.mark.parametrize(
@@ -219,7 +234,7 @@ def test_a_tree_is_renamed_wherever_the_file_names_it():
         ("burn", {}, "unknown request 'burn'"),
         ("edit", {"operation": "delete", "arguments": {"element": 0}}, "contains the whole file"),
         ("verify", {"text": "<root"}, "not well-formed"),
-        ("rename", {"offset": 3, "name": "A"}, "there is no name"),
+        ("rename", {"element": 0, "name": "A"}, "has no name of a tree"),
     ],
 )
 def test_a_question_without_an_answer_says_why(question, values, error):

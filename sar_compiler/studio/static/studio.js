@@ -193,15 +193,18 @@ async function newTree(element) {
 }
 
 async function rename(element) {
-  const { attributes, tag, from } = analysis.elements[element];
+  const { attributes, tag } = analysis.elements[element];
   const key = tag === "BehaviorTree" || tag === "SubTree" ? "ID" : "name";
   const name = await question(key === "ID" ? "New name of the tree" : "New name of the node", ["Rename", "Cancel"], attributes[key] ?? tag);
   if (!name) return;
   if (key === "name") return operate("set_attribute", { element, name: "name", value: name }, false);
   const text = editor.text;
-  const result = await ask("rename", { text, offset: text.indexOf(attributes.ID, text.indexOf("ID", from)), name });
-  if (result.error) say(result.error, true);
-  else editor.apply(result.edits);
+  if (text !== analysis.text) return say("The drawing does not show the current text yet. Try again", true);
+  const result = await ask("rename", { text, element, name });
+  if (result.error) return say(result.error, true);
+  if (text !== editor.text) return say("The text has changed during the operation. Try again", true);
+  if (result.edits.length) editor.apply(result.edits);
+  return undefined;
 }
 
 // The operations and attributes of the selected node.
