@@ -191,7 +191,7 @@ class Studio:
         span = EditedFile(loaded.forest.main).element(element).value_span("ID")
         named = name_at(loaded, loaded.source.offsets(span)[0])
         if named is None:
-            message = "the element does not have the name of a tree"
+            message = "this element has no name of a tree"
             raise EditError(message)
         spots = rename_edits(named, name)
         other = next((each.source.path for each, _ in spots if each.source is not loaded.source), None)
