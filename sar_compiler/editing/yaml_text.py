@@ -228,14 +228,22 @@ class YamlText:
     def delete_element(self, element: Element) -> list[TextEdit]:
         """Return the edits that remove an element and its comments.
 
-        If no child is left, the edits also remove the key `children`.
+        If no child is left, the edits also remove the key `children`, and indent the comments below it like the key. With
+        a deeper indentation, a comment could become a part of the text above it.
         """
         parent = self._parents[element.offset]
         key = self._extents[parent.offset].children
-        start = self._start(element)
-        if len(parent.children) == 1 and key is not None:
-            start = self._line(key)
-        return [TextEdit(start, self._end(element), "")]
+        start, end = self._start(element), self._end(element)
+        if len(parent.children) > 1 or key is None:
+            return [TextEdit(start, end, "")]
+        start = self._line(key)
+        indent, below, kept = self._text[start:key], end, ""
+        while (found := _COMMENT_LINE.match(self._text, below)) and found[2] is not None:
+            if len(found[1]) <= len(indent):
+                break
+            below = found.end()
+            kept += indent + found[0][len(found[1]) :]
+        return [TextEdit(start, below if kept else end, kept)]
 
     def set_attribute(self, element: Element, name: str, value: str | None) -> list[TextEdit]:
         """Return the edits that set an attribute's value; None removes the attribute."""

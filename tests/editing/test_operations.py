@@ -334,3 +334,10 @@ def test_a_subtree_that_would_mean_something_else_is_not_inlined(ports, reason):
 def test_an_impossible_operation_says_why(operation, arguments, reason):
     with pytest.raises(EditError, match=re.escape(reason)):
         edited(XML, operation, **arguments)
+
+
+def test_a_comment_below_the_last_child_does_not_become_a_part_of_the_text_above_it():
+    head = "Sequence:\n  name: |-\n    a := 1;\n    b := 2\n"
+    tree_file = parse_tree(f"{head}  children:\n    - Sleep\n    # wait here\n", "tree.yaml")
+    edits = edits_of(tree_file, "delete", element=1)
+    assert apply_edits(tree_file.source.text, edits) == f"{head}  # wait here\n"
