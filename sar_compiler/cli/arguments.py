@@ -131,6 +131,7 @@ def number_within(low: float, high: float, what: str = "a number") -> Callable[[
 jobs = reader(
     _parse_integer, f"a number of processes from 1 to {MAX_JOBS}", lambda value: 0 < value <= MAX_JOBS
 )
+run_number = reader(_parse_integer, "the number of a run, from 1", lambda value: value > 0)
 restarts = reader(_parse_integer, "an integer from 1 to 1000", lambda value: 0 < value <= _MAX_RESTARTS)
 speed = number_within(0.001, 10_000)
 tick_period = number_within(0.0001, 86_400, "a number of seconds")

@@ -4,7 +4,7 @@ import argparse
 import shlex
 from pathlib import Path
 
-from sar_compiler.cli.arguments import FILE, ArgumentKind, add_project_options, workspace
+from sar_compiler.cli.arguments import FILE, ArgumentKind, add_project_options, run_number, workspace
 from sar_compiler.commands import print_note, print_text
 
 
@@ -17,6 +17,8 @@ def add_import(parser: argparse.ArgumentParser) -> None:
     add("-o", "--output", type=FILE, required=True, metavar="JOURNAL", help=text)
     text = "the file of the tree that ran (default: the tree in RUN, which is written to JOURNAL.xml); if repeated, the best match is used"
     add("--tree", action="append", default=[], type=ArgumentKind("tree", Path), metavar="TREE", help=text)
+    text = "the last run to import, by its number in the recording, so that this run is explained (default: import all runs)"
+    add("--run", type=run_number, dest="last_run", metavar="NUMBER", help=text)
     add_project_options(parser)
     parser.set_defaults(run=_import)
 
@@ -37,7 +39,7 @@ def _import(options: argparse.Namespace) -> None:
     """
     from sar_compiler.importing.import_run import import_run
 
-    found = import_run(options.recording, options.output, workspace(options), options.tree)
+    found = import_run(options.recording, options.output, workspace(options), options.tree, options.last_run)
     for flaw in found.flaws:
         print_note(f"{options.recording}: {flaw}")
     if found.unsure:
@@ -48,6 +50,11 @@ def _import(options: argparse.Namespace) -> None:
     print_text(
         f"{options.output}: {runs} of {found.nodes} nodes, {found.changes} status changes in {found.ticks} ticks"
     )
+    if found.runs > 1:
+        for number, end in enumerate(found.ends, 1):
+            print_text(f"  run {number}: {end.seconds:.1f} s, {end.reason}")
+        if options.last_run is None:
+            print_text("To explain an earlier run: add --run NUMBER")
     journal = shlex.quote(str(options.output))
     print_text(f"To explain the run: sar-journal why {journal}")
     tree = shlex.join([str(found.tree), str(options.output), *found.options])

@@ -13,7 +13,7 @@ from sar_compiler.importing import sqlite_log
 from sar_compiler.importing.autoremap import with_remapped_subtrees
 from sar_compiler.importing.bag import MCAP_MAGIC, read_mcap
 from sar_compiler.importing.btlog import MAGIC, read_btlog
-from sar_compiler.importing.journal_writer import JournalWriter
+from sar_compiler.importing.journal_writer import JournalWriter, RunSummary
 from sar_compiler.importing.recorded_tree import (
     ExportedTree,
     RunNode,
@@ -50,6 +50,7 @@ class ImportedRun(NamedTuple):
         changes: The number of status changes.
         ticks: The number of ticks with status changes.
         runs: The number of runs; a halt of the whole tree ends a run.
+        ends: The ends of the runs. The last run has none if the recording ends before the run.
         unsure: The number of possible tick boundaries that only a pause of ambiguous length decided.
         flaws: A sentence for each problem of the recording.
         options: The options that other commands need to read the tree file.
@@ -60,12 +61,15 @@ class ImportedRun(NamedTuple):
     changes: int
     ticks: int
     runs: int
+    ends: tuple[RunSummary, ...]
     unsure: int
     flaws: tuple[str, ...]
     options: tuple[str, ...]
 
 
-def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[Path] = ()) -> ImportedRun:
+def import_run(
+    path: Path, journal: Path, projects: Workspace, trees: Sequence[Path] = (), last_run: int | None = None
+) -> ImportedRun:
     """Import a recorded run.
 
     Args:
@@ -74,9 +78,10 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
         projects: Loads the tree.
         trees: The file of the tree that ran, or several candidates, of which the best match is used. By default, the tree in the
             recording is used, and is written to a file beside the journal.
+        last_run: The number of the last run to import; by default, all runs are imported.
 
     Raises:
-        UnusableRecordingError: If the recording cannot be used, or was made with another tree.
+        UnusableRecordingError: If the recording cannot be used, was made with another tree, or has no such run.
         JournalError: If the journal cannot be written, or already contains a run.
         SarError: If the tree cannot be read.
     """
@@ -88,35 +93,41 @@ def import_run(path: Path, journal: Path, projects: Workspace, trees: Sequence[P
         )
     place = Path(f"{journal}.xml")
     tree = find_tree(recording, path.resolve(), place, projects, trees)
-    writer = _write_journal(journal, recording, tree)
+    writer = _write_journal(journal, recording, tree, last_run)
+    if last_run is not None and writer.runs != last_run:
+        journal.unlink()
+        raise UnusableRecordingError(f"{path} has no run {last_run}: its last run is run {writer.runs}")
     if tree.remapped is not None and not _is_possible(journal, tree, writer):
         assumed, exported = tree.remapped
         write_text(place, write_xml(exported))
         other = find_tree(recording, path.resolve(), place, projects, [place])
         journal.unlink()
-        writer = _write_journal(journal, recording, other)
+        writer = _write_journal(journal, recording, other, last_run)
         if _is_possible(journal, other, writer):
             recording.flaws.remove(_ALL_REMAPPED)
         else:
             write_text(place, write_xml(assumed))
             journal.unlink()
-            writer = _write_journal(journal, recording, tree)
+            writer = _write_journal(journal, recording, tree, last_run)
     return ImportedRun(
         tree.place,
         len(tree.nodes),
         len(recording.times),
         writer.ticks,
         writer.runs,
+        tuple(writer.ends),
         writer.inferred_boundaries,
         tuple(recording.flaws),
         tuple(word for option in tree.options for word in option),
     )
 
 
-def _write_journal(journal: Path, recording: Recording, tree: "RunTree") -> JournalWriter:
+def _write_journal(
+    journal: Path, recording: Recording, tree: "RunTree", last_run: int | None
+) -> JournalWriter:
     with closing(JournalFile.create(journal)) as file:
         writer = JournalWriter(file, recording, tree.nodes, tree.about, tree.of_run)
-        writer.write()
+        writer.write(last_run)
     return writer
 
 

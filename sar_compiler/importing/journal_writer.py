@@ -3,19 +3,22 @@
 import json
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from sar_compiler.importing.recorded_tree import RunNode
 from sar_compiler.importing.recording import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS, WORDS, Recording
 from sar_compiler.importing.ticks import RecordedTick, TickFinder, TickKind
 from sar_compiler.journal.journal_entries import STATUS, Ending, Row
 from sar_compiler.journal.spill_file import RunEnd
-from sar_compiler.nodes.nav2.log_lines import quote_lines
+from sar_compiler.nodes.nav2.log_lines import GoalEnd, LoggedLine, quote_lines
 from sar_compiler.nodes.spec import Kind
 
 _BATCH = 20_000
 # A log line can belong to a failed leaf if it was logged at most this long before the leaf's start or after its end, in seconds.
 _LOGGED_BEFORE_SEC, _LOGGED_AFTER_SEC = 0.1, 0.5
+# Nav2 logs the end of a goal at most this long after the tree was halted, in seconds.
+_REPORTED_SEC = 1.0
+_LAST_TICK_MISSING = "the last tick of the last run is missing, because Nav2 publishes this tick only when the next goal starts"
 _CONDITIONS = {SUCCESS: "_successIf", FAILURE: "_failureIf"}
 """For each final status, the precondition that ends a node with this status."""
 
@@ -30,8 +33,26 @@ class EntrySink(Protocol):
         """Write entries and, if given, the end of a run."""
 
 
+class RunSummary(NamedTuple):
+    """The end of a run.
+
+    Attributes:
+        seconds: The duration of the run.
+        reason: How the run has ended.
+    """
+
+    seconds: float
+    reason: str
+
+
 class JournalWriter:
-    """Writes the ticks of a recorded run to a journal, with the same entries as `StatusWatch`."""
+    """Writes the ticks of a recorded run to a journal, with the same entries as `StatusWatch`.
+
+    Attributes:
+        ticks: The number of ticks so far.
+        runs: The number of runs so far.
+        ends: The ends of the runs so far.
+    """
 
     def __init__(
         self,
@@ -45,9 +66,9 @@ class JournalWriter:
         self._about, self._of_run = about, of_run
         self._finder = TickFinder(nodes, recording)
         self.ticks = self.runs = 0
-        self._line_times = [line.at for line in recording.lines]
+        self.ends: list[RunSummary] = []
         self._number = self._run = self._tick = self._last = 0
-        self._is_open = False
+        self._is_open, self._began = False, 0.0
         self._rows: list[Row] = []
         self._logged = bytearray(len(nodes) + 1)
         self._unsure: set[int] = set()
@@ -72,11 +93,48 @@ class JournalWriter:
         self._begun = [0] * (len(self._nodes) + 1)
         self._tick = self._root = 0
 
-    def write(self) -> None:
-        """Write all runs of the recording."""
+    def write(self, last_run: int | None = None) -> None:
+        """Write the runs of the recording, up to and including the run with the given number; by default, all runs."""
         for tick in self._finder.ticks():
             self._write_ticks(tick)
+            if self.runs == last_run and not self._is_open:
+                return
+        self._end_of_recording()
+
+    def _end_of_recording(self) -> None:
+        """End the open run at the end of the recording."""
         self.end_run()
+        if not self._is_open or not self._recording.messages:
+            return
+        end = self.reported_end()
+        if end is None:
+            self._end(Ending.STOPPED, 1, "the recording ends before the run")
+        else:
+            self._recording.flaws.append(_LAST_TICK_MISSING)
+            self._end(end.ending, end.status, end.reason)
+
+    def reported_end(self) -> RunEnd | None:
+        """Return the end of the open run if Nav2 has logged it, but has not yet published the tick in which the tree has ended."""
+        recording = self._recording
+        if not self._is_open or self._root not in (IDLE, RUNNING):
+            return None
+        last = recording.times[-1] / 1e6
+        at, end = next((each for each in recording.goal_ends if each[0] >= last), (last, None))
+        if end is None:
+            return None
+        quoted = (
+            quote_lines(self._lines_between(last - _LOGGED_BEFORE_SEC, at)) if end is GoalEnd.FAILED else ""
+        )
+        reason = f"Nav2 has reported '{end.value}'{f'. {quoted}' if quoted else ''}"
+        # `Ending.OVER` is only the end of a run whose last tick is known.
+        ending = Ending.FAILED if end is GoalEnd.FAILED else Ending.STOPPED
+        return RunEnd(self._run, recording.began + at, ending, int(end is not GoalEnd.SUCCEEDED), reason)
+
+    def _lines_between(self, first: float, last: float) -> Sequence[LoggedLine]:
+        """Return the lines that were logged between two times, in seconds since the start of the recording."""
+        lines = self._recording.lines
+        begin = bisect_left(lines, first, key=lambda line: line.at)
+        return lines[begin : bisect_right(lines, last, lo=begin, key=lambda line: line.at)]
 
     def write_next(self) -> bool:
         """Write the ticks that were recorded since the last call; return whether the root has failed in one of them."""
@@ -92,9 +150,12 @@ class JournalWriter:
         self._flush()
         if not self._is_open:
             return
+        reported = self.reported_end() if reason else None
         if self._root not in (IDLE, RUNNING):
             word = WORDS[self._root]
             self._end(Ending.OVER, int(self._root != SUCCESS), f"the tree returned {word}")
+        elif reported is not None:
+            self._end(reported.ending, reported.status, reported.reason)
         elif reason:
             self._end(Ending.STOPPED, 1, reason)
 
@@ -105,7 +166,22 @@ class JournalWriter:
                 self._begin_run(tick)
             self._write_tick(tick)
         elif self._is_open:
-            self.end_run("the program has halted the tree")
+            self._end_by_halt()
+        if tick.kind is TickKind.ENDS and self._recording.messages:
+            self.end_run()  # each goal of Nav2 is a run of its own
+
+    def _end_by_halt(self) -> None:
+        """End the open run, whose tree the program has halted."""
+        self.end_run()
+        if not self._is_open:
+            return
+        at = self._recording.times[self._last] / 1e6
+        is_canceled = any(
+            end is GoalEnd.CANCELED and abs(time - at) < _REPORTED_SEC
+            for time, end in self._recording.goal_ends
+        )
+        reason = "the goal was canceled" if is_canceled else "the program has halted the tree"
+        self._end(Ending.STOPPED, 1, reason)
 
     def _begin_run(self, tick: RecordedTick) -> None:
         self._begin()
@@ -113,6 +189,7 @@ class JournalWriter:
         self.runs += 1
         wall = self._recording.began + self._recording.times[tick.first] / 1e6
         of_run = {**self._of_run, "time": self._recording.times[tick.first] / 1e6}
+        self._began = wall
         self._run = self._file.begin_run(self._about, of_run, wall)
 
     def _end(self, ending: Ending, status: int, reason: str) -> None:
@@ -120,6 +197,7 @@ class JournalWriter:
         self._is_open = False
         wall = self._recording.began + self._recording.times[self._last] / 1e6
         self._file.write((), end=RunEnd(self._run, wall, ending, status, reason))
+        self.ends.append(RunSummary(wall - self._began, reason))
 
     def _flush(self) -> None:
         self._file.write(self._rows)
@@ -226,7 +304,7 @@ class JournalWriter:
     def _row(self, index: int, uid: int, word: str, more: str, *, is_unsure: bool = False) -> None:
         time = self._recording.times[index] / 1e6
         rows = self._nodes[uid - 1].rows
-        message = '""' if word != WORDS[FAILURE] or not self._line_times else self._reason(uid, time)
+        message = '""' if word != WORDS[FAILURE] or not self._recording.lines else self._reason(uid, time)
         for node in rows:
             self._number += 1
             if is_unsure and node == rows[-1]:
@@ -238,6 +316,6 @@ class JournalWriter:
         """Return the lines that servers have logged about the failure of an action, as a JSON string."""
         if self._nodes[uid - 1].bound.spec.kind is not Kind.ACTION:
             return '""'
-        first = bisect_left(self._line_times, self._begun[uid] / 1e6 - _LOGGED_BEFORE_SEC)
-        behind = bisect_right(self._line_times, time + _LOGGED_AFTER_SEC)
-        return json.dumps(quote_lines(self._recording.lines[first:behind]))
+        begun = self._begun[uid] / 1e6
+        lines = self._lines_between(begun - _LOGGED_BEFORE_SEC, time + _LOGGED_AFTER_SEC)
+        return json.dumps(quote_lines(lines, begun, time))

@@ -88,14 +88,20 @@ class TopicSource:
 
     Args:
         messages: Returns the serialised messages since the last call.
+        lines: Returns the serialised messages of `/rosout` since the last call.
     """
 
-    def __init__(self, messages: Callable[[], Iterable[bytes]]) -> None:
+    def __init__(
+        self, messages: Callable[[], Iterable[bytes]], lines: Callable[[], Iterable[bytes]] = lambda: ()
+    ) -> None:
+        self._lines = lines
         self._messages, self._reader = messages, TreeLogReader("topic")
         self.recording = self._reader.recording
 
     def read(self) -> None:
-        """Add the changes since the last call to the recording."""
+        """Add the changes and lines since the last call to the recording."""
+        for data in self._lines():
+            self._reader.add_line(data)
         for data in self._messages():
             self._reader.add(data)
 
@@ -131,8 +137,12 @@ class _EntryList:
             self._entries.append(JournalEntry(*row[:5], json_value(row.data)))
             self._time = max(self._time, row.time)
         if end is not None:
-            data = end_data(end.ending, end.status, end.reason, "")
-            self._entries.append(JournalEntry(END, end.run, end.wall, self._time, RUN_ENDED, data))
+            self.show_end(end)
+
+    def show_end(self, end: RunEnd) -> None:
+        """Add the end of a run, but do not write it to the journal."""
+        data = end_data(end.ending, end.status, end.reason, "")
+        self._entries.append(JournalEntry(END, end.run, end.wall, self._time, RUN_ENDED, data))
 
     def pop(self) -> list[JournalEntry]:
         """Return the entries that were added since the last call."""
@@ -170,7 +180,7 @@ class LiveRun:
         self._entries = _EntryList(self._journal)
         self._tree: RunTree | None = None
         self._writer: JournalWriter | None = None
-        self._known = 0
+        self._known = self._ended = 0
         self._folder = tempfile.TemporaryDirectory()
         self._place = Path(self._folder.name, "tree.xml") if journal is None else Path(f"{journal}.xml")
 
@@ -199,9 +209,20 @@ class LiveRun:
             refuse_differences(describe_name_differences(recording.names, self._tree.nodes), self._tree.place)
         if self._writer is not None:
             self._writer.write_next()
+            self._show_reported_end(self._writer)
             if end:
                 self._writer.end_run(end)
         return self._entries.pop()
+
+    def _show_reported_end(self, writer: JournalWriter) -> None:
+        """Show the end of a run that Nav2 has logged.
+
+        Nav2 publishes the tick in which the tree has ended only when the next goal starts. Only then is the end written to the journal.
+        """
+        end = writer.reported_end()
+        if end is not None and end.run != self._ended:
+            self._ended = end.run
+            self._entries.show_end(end)
 
     def close(self) -> None:
         """End the run in the journal, if a journal is written, and delete the temporary files."""
@@ -248,6 +269,7 @@ def open_live_run(
 
     require_middleware()
     with spinning_node("sar_journal_watch") as node:
-        topic_source = TopicSource(TreeLogListener(node, topic).messages)
+        listener = TreeLogListener(node, topic)
+        topic_source = TopicSource(listener.messages, listener.lines)
         with closing(LiveRun(topic_source, topic, projects, trees, report, journal)) as run:
             yield run

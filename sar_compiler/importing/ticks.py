@@ -193,7 +193,7 @@ class TickFinder:
 
     def ticks(self) -> Iterator[RecordedTick]:
         """Yield each tick of the run and each halt of the whole tree, in order."""
-        if self._recording.ticks:
+        if self._recording.messages:
             yield from self._split(_PAUSE_USEC, 0, len(self._recording.times))
             return
         self._move_halts_of_timers()
@@ -225,7 +225,7 @@ class TickFinder:
             if index < behind or not 0 < uid <= count:
                 continue
             self._find_skipped(index, uid, status)
-            paused = self._paused_before(uid) if status != IDLE and not self._recording.ticks else []
+            paused = self._paused_before(uid) if status != IDLE and not self._recording.messages else []
             if index > first and (paused or self._is_first(index, pause, is_over=is_over)):
                 yield RecordedTick(first, index, TickKind.ENDS if is_over else TickKind.TICK)
                 first, is_over = index, False
@@ -288,12 +288,17 @@ class TickFinder:
 
     def _is_first(self, index: int, pause: int, *, is_over: bool) -> bool:
         """Return whether a change is the first change of a tick."""
-        if ticks := self._recording.ticks:
-            return ticks[index] != ticks[index - 1]
+        if self._begins_message(index):
+            return True
         if self._catches[self._recording.uids[index]] in self._catching:
             return False
         is_settled = not self._left and not any(map(self._is_ticked, self._due))
         return is_over or self._is_restart(index) or (is_settled and self._is_border(index, pause))
+
+    def _begins_message(self, index: int) -> bool:
+        """Return whether a change is the first change of a message, because a tick never continues in the next message."""
+        messages = self._recording.messages
+        return bool(messages) and messages[index] != messages[index - 1]
 
     def _is_ticked(self, uid: int) -> bool:
         """Return whether a node can be ticked, because no ancestor is waiting for the result of its condition.

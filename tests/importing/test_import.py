@@ -3,6 +3,7 @@
 import itertools
 import json
 import random
+import re
 import sqlite3
 import struct
 from contextlib import closing
@@ -305,25 +306,30 @@ def bag_messages(log):
             ticks.append([])
         ticks[-1].append(change)
 
-    def text(word):
-        return struct.pack("<I", len(word) + 1) + word.encode() + b"\0"
-
     for tick in ticks:
-        data = bytearray(b"\0\1\0\0" + struct.pack("<iII", 0, 0, len(tick)))
+        yield tree_message([(start + time, names[uid], uid, words[status]) for time, uid, status in tick])
 
-        def align(data, size):
-            data.extend(bytes(-(len(data) - 4) % size))
 
-        for time, uid, status in tick:
-            align(data, 4)
-            when = start + time
-            data.extend(struct.pack("<iI", when // 1_000_000, when % 1_000_000 * 1000) + text(names[uid]))
-            align(data, 2)
-            data.extend(struct.pack("<H", uid))
-            for word in ("IDLE", words[status]):
-                align(data, 4)
-                data.extend(text(word))
-        yield bytes(data)
+def tree_message(changes):
+    """Return a message of `behavior_tree_log`; times are in microseconds since 1970."""
+    data = bytearray(b"\0\1\0\0" + struct.pack("<iII", 0, 0, len(changes)))
+
+    def align(size):
+        data.extend(bytes(-(len(data) - 4) % size))
+
+    def add_text(word):
+        align(4)
+        data.extend(struct.pack("<I", len(word) + 1) + word.encode() + b"\0")
+
+    for time, name, uid, status in changes:
+        align(4)
+        data.extend(struct.pack("<iI", time // 1_000_000, time % 1_000_000 * 1000))
+        add_text(name)
+        align(2)
+        data.extend(struct.pack("<H", uid))
+        add_text("IDLE")
+        add_text(status)
+    return bytes(data)
 
 
 def log_message(time, level, name, text):
@@ -550,3 +556,120 @@ def test_a_run_with_an_altered_outcome_does_not_conform(tenth, tmp_path, capsys)
     journal = import_log(log, tmp_path)
     status, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
     assert (status, "does not conform" in said) == (1, True)
+
+
+NAV2 = Path(__file__).with_name("nav2")
+
+
+def nav2_messages():
+    """Return the messages of `behavior_tree_log` and of `/rosout` that Nav2 1.3.13 has published for four goals.
+
+    The file contains a line `message COUNT` for each message of `behavior_tree_log`, followed by its changes (microseconds, node and status), and
+    a line `line` for each message of `/rosout` (microseconds, level, logger and text). The first message begins with the end of another goal.
+    The four goals are: a goal that succeeds, one in an obstacle, one that is cancelled during the drive, and again one in an obstacle.
+    """
+    names = ["", *re.findall(r'name="([^"]*)"', (NAV2 / "goals.xml").read_text(encoding="utf-8"))]
+    rows = iter((NAV2 / "goals.txt").read_text(encoding="utf-8").splitlines())
+    start, messages, lines = 1_796_008_350, [], []
+    for row in rows:
+        kind, rest = row.split(maxsplit=1)
+        if kind == "line":
+            time, level, name, text = rest.split(maxsplit=3)
+            lines.append(log_message(start + int(time) / 1e6, int(level), name, text))
+            continue
+        changes = [next(rows).split() for _ in range(int(rest))]
+        messages.append(
+            tree_message(
+                [
+                    (start * 1_000_000 + int(time), names[int(uid)], int(uid), word)
+                    for time, uid, word in changes
+                ]
+            )
+        )
+    return messages, lines
+
+
+def nav2_bag(tmp_path):
+    bag = tmp_path / "nav2.mcap"
+    write_bag(bag, *nav2_messages())
+    return bag
+
+
+def explained_goal(number, tmp_path, capsys):
+    """Return what is said of one of Nav2's goals: why it ended, and whether it is a possible run of the tree."""
+    words = ["--tree", str(NAV2 / "goals.xml"), *(["--run", str(number)] if number else [])]
+    journal = import_log(nav2_bag(tmp_path), tmp_path, *words)
+    _, said = answer(journal_command, ["why", journal], capsys)
+    status, compared = answer(
+        compile_command, ["conform", NAV2 / "goals.xml", journal, "--model", "nav2:jazzy"], capsys
+    )
+    assert status == 0, compared
+    return said
+
+
+def test_each_goal_of_nav2_is_a_run_of_its_own(tmp_path, capsys):
+    words = ["import", nav2_bag(tmp_path), "-o", tmp_path / "j", "--tree", NAV2 / "goals.xml"]
+    status, said = answer(journal_command, words, capsys)
+    assert status == 0, said
+    for line in (
+        "run 1: 4.1 s, the tree returned SUCCESS",
+        "run 2: 0.2 s, the tree returned FAILURE",
+        "run 3: 1.6 s, the goal was canceled",
+        "run 4: 0.2 s, Nav2 has reported 'Goal failed'. planner_server: ",
+        "the last tick of the last run is missing, because Nav2 publishes this tick only when the next goal starts",
+    ):
+        assert line in said
+    status, said = answer(journal_command, [*words[:3], tmp_path / "k", *words[4:], "--run", "5"], capsys)
+    assert (status, "has no run 5: its last run is run 4" in said) == (2, True), said
+
+
+def test_the_end_of_a_goal_that_nav2_publishes_with_the_next_goal_is_explained(tmp_path, capsys):
+    said = explained_goal(2, tmp_path, capsys)
+    cause = (
+        'plan FAILURE, planner_server: "GridBased plugin failed to plan from (-1.18, 1.44) to (2.00, 0.00)'
+    )
+    assert "FAILED: the tree returned FAILURE" in said
+    assert cause in said[said.index("The root has failed") :]
+
+
+def test_a_goal_that_was_cancelled_is_no_failure_of_a_leaf(tmp_path, capsys):
+    said = explained_goal(3, tmp_path, capsys)
+    assert said.startswith("stopped: the goal was canceled")
+    assert "FAILURE" not in said
+
+
+def test_a_goal_whose_last_tick_is_missing_has_failed_as_nav2_has_logged(tmp_path, capsys):
+    said = explained_goal(None, tmp_path, capsys)
+    assert said.startswith(
+        "FAILED: Nav2 has reported 'Goal failed'. planner_server: \"GridBased plugin failed to plan"
+    )
+    # Each failure is explained by the line that was logged while the action ran.
+    assert said.count("(-1.17, 1.41)") == 2
+
+
+def test_a_bag_that_has_only_the_log_of_a_goal_says_what_to_record(tmp_path, capsys):
+    bag = tmp_path / "bag.db3"
+    write_bag(bag, [], nav2_messages()[1])
+    status, said = answer(
+        journal_command, ["import", bag, "-o", tmp_path / "j", "--tree", NAV2 / "goals.xml"], capsys
+    )
+    assert (status, "Nav2 publishes the last tick of a goal only when the next goal starts" in said) == (
+        2,
+        True,
+    )
+
+
+def test_a_recording_that_ends_before_the_run_is_no_crash(tmp_path, capsys):
+    bag = tmp_path / "bag.db3"
+    write_bag(bag, nav2_messages()[0])
+    journal = import_log(bag, tmp_path, "--tree", str(NAV2 / "goals.xml"))
+    _, said = answer(journal_command, ["why", journal], capsys)
+    assert said.startswith("stopped: the recording ends before the run")
+
+
+def test_a_recording_that_begins_in_the_middle_of_a_run_is_reported(tmp_path, capsys):
+    bag = tmp_path / "bag.db3"
+    write_bag(bag, nav2_messages()[0][1:4])
+    words = ["import", bag, "-o", tmp_path / "j", "--tree", NAV2 / "goals.xml"]
+    status, said = answer(journal_command, words, capsys)
+    assert (status, "the recording begins in the middle of a run" in said) == (0, True), said

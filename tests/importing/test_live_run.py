@@ -15,7 +15,7 @@ from sar_compiler.leaves import Clock
 from sar_compiler.project import Workspace
 from sar_compiler.testing import ManualClock
 from tests.groot2.test_groot2 import Queue, main
-from tests.importing.test_import import FAILED, bag_messages, import_log
+from tests.importing.test_import import FAILED, NAV2, bag_messages, import_log, nav2_messages
 from tests.processes import free_port
 from tests.trees import write
 
@@ -55,7 +55,8 @@ def test_a_topic_that_is_followed_has_the_entries_of_its_bag(tree):
     with JournalFile.open_snapshot(tree.with_suffix("")) as file:
         statuses = [each.data for each in file.observations(STATUS)]
     assert entries[0].kind == RUN_BEGAN
-    assert [each.data for each in entries[1:]] == statuses
+    assert [each.data for each in entries[1:] if each.kind == STATUS] == statuses
+    assert entries[-1].data["reason"] == "the tree returned FAILURE"
 
 
 def test_a_topic_that_is_followed_can_be_kept_in_a_journal_like_that_of_its_bag(tree, tmp_path):
@@ -79,7 +80,7 @@ def test_the_ancestors_of_a_node_run_if_the_log_begins_in_the_middle(tree):
     _, *later = bag_messages(FAILED)
     began, *entries = followed(later, tree)
     shown: dict[int, str] = {}
-    for each in entries:
+    for each in entries[:-1]:
         shown.setdefault(each.data["node"], each.data["status"])
     assert began.kind == RUN_BEGAN
     assert shown[0] == "RUNNING"
@@ -135,3 +136,33 @@ def test_a_missing_program_is_reported_with_the_class_that_serves_the_protocol()
 def test_an_address_without_a_port_is_refused():
     with pytest.raises(UnusableRecordingError, match="robot is not HOST:PORT"):
         Groot2Source("robot")
+
+
+def test_a_goal_of_nav2_ends_on_the_page_as_soon_as_nav2_has_logged_its_end(tmp_path):
+    messages, lines = nav2_messages()
+    failed = next(each for each in lines if b"Goal failed" in each)
+    known, _ = (NAV2 / "goals.txt").read_text(encoding="utf-8").split("Goal failed", 1)
+    published = known.count("message ")
+    queues: dict[str, list[bytes]] = {"messages": [], "lines": []}
+
+    def taken(name):
+        found, queues[name] = queues[name], []
+        return found
+
+    source = TopicSource(lambda: taken("messages"), lambda: taken("lines"))
+    run = LiveRun(source, "log", Workspace(), [NAV2 / "goals.xml"], journal=tmp_path / "kept.journal")
+
+    def ends():
+        return [each.data["reason"] for each in run.read_new() if each.kind == RUN_ENDED]
+
+    queues["messages"] = messages[:published]
+    assert ends() == ["the tree returned SUCCESS"]
+    queues["lines"] = lines[: lines.index(failed) + 1]
+    [reported] = ends()
+    assert reported.startswith("Nav2 has reported 'Goal failed'. planner_server: ")
+    assert ends() == []
+    queues["messages"] = messages[published:]
+    assert ends() == ["the tree returned FAILURE", "the program has halted the tree"]
+    run.close()
+    with JournalFile.open_snapshot(tmp_path / "kept.journal") as file:
+        assert [each.reason for each in file.runs()][1] == "the tree returned FAILURE"

@@ -1,7 +1,9 @@
 """Names of Nav2's nodes, and selection of the lines in their logs that explain a failure."""
 
+import math
 import re
 from collections.abc import Iterable
+from enum import Enum
 from typing import NamedTuple
 
 NAV2_NODES = ("amcl", "bt_navigator")
@@ -50,9 +52,17 @@ _SECONDARY = re.compile(
 )
 # Lines that report a failure without its cause, and a line that appears at each start.
 _EMPTY = re.compile(
-    r"Goal failed|Aborting handle|Error_code parameters were not set|\[ActionServer\]|Failed to change state|Aborting bringup|has been idle"
+    r"Goal failed|Aborting handle|in node halt|Error_code parameters were not set|\[ActionServer\]|Failed to change state|Aborting bringup|has been idle"
 )
 _LOGGERS = {*DRIVING_NODES, *BEFORE_NAVIGATOR, MANAGER, "local_costmap", "global_costmap", "tf_help"}
+
+
+class GoalEnd(Enum):
+    """The end of a goal, as the navigator reports it in its log."""
+
+    SUCCEEDED = "Goal succeeded"
+    FAILED = "Goal failed"
+    CANCELED = "Goal canceled"
 
 
 class LoggedLine(NamedTuple):
@@ -83,14 +93,28 @@ class LoggedLine(NamedTuple):
         return 1 if is_nav2 else 2 if self.is_error else None
 
 
-def quote_lines(lines: Iterable[LoggedLine]) -> str:
+def goal_end(who: str, text: str) -> GoalEnd | None:
+    """Return the end of a goal that a line of the navigator reports, or None for any other line.
+
+    Args:
+        who: The name of the logger, which may have a namespace.
+        text: The text of the line.
+    """
+    if who.rpartition(".")[2] != NAVIGATOR:
+        return None
+    return next((each for each in GoalEnd if text.startswith(each.value)), None)
+
+
+def quote_lines(lines: Iterable[LoggedLine], begin: float = -math.inf, end: float = math.inf) -> str:
     """Quote the lines that best explain a failure, such as `controller_server: "Failed to make progress"`.
 
-    The result is empty if no line explains a failure.
+    The result is empty if no line explains a failure. Of equally good lines, those that were logged from *begin* to *end* are quoted.
     """
     ranked = [(rank, each) for each in lines if (rank := each.rank) is not None]
-    best = min((rank for rank, _ in ranked), default=None)
-    quoted = [f'{each.who}: "{_first_line(each.text)}"' for rank, each in ranked if rank == best]
+    lowest = min((rank for rank, _ in ranked), default=None)
+    best = [each for rank, each in ranked if rank == lowest]
+    best = [each for each in best if begin <= each.at <= end] or best
+    quoted = [f'{each.who}: "{_first_line(each.text)}"' for each in best]
     return "; ".join(list(dict.fromkeys(quoted))[-_QUOTED:])
 
 
