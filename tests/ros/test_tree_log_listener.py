@@ -39,3 +39,23 @@ def test_the_changes_of_a_topic_are_read_as_from_a_bag(ros):
     assert (found.names, [*found.times], [*found.uids]) == ({1: "FollowPath", 2: "Wait ü"}, [0, 5], [1, 2])
     assert [*found.statuses] == [3, 1]
     assert listener.messages() == []
+
+
+def test_the_lines_that_nav2_logs_are_read_as_from_a_bag(ros):
+    from rcl_interfaces.msg import Log
+
+    listener = TreeLogListener(ros.node("watch"), "behavior_tree_log")
+    publisher = ros.node("bt_navigator").create_publisher(Log, "/rosout", 10)
+    ros.spin_until(publisher.get_subscription_count, "the listener")
+    heard: list[bytes] = []
+
+    def is_heard():
+        publisher.publish(Log(stamp=Time(sec=100), level=Log.INFO, name="bt_navigator", msg="Goal succeeded"))
+        heard.extend(listener.lines())
+        return any(b"Goal succeeded" in each for each in heard)
+
+    ros.spin_until(is_heard, "the line")
+    reader = TreeLogReader("topic")
+    for each in heard:
+        reader.add_line(each)
+    assert reader.has_goal_end
