@@ -1,6 +1,7 @@
 """`sar-journal watch`: show running missions, and the running trees of other programs."""
 
 import argparse
+import signal
 from contextlib import suppress
 from pathlib import Path
 
@@ -58,6 +59,8 @@ def _watch_run(options: argparse.Namespace) -> None:
     from sar_compiler.importing.live_run import open_live_run
     from sar_compiler.web.run_page import watch_entries
 
+    if options.journal is not None:
+        interruptible(signal.SIGTERM, signal.SIGHUP)  # the end of the run is written to the journal, too
     topic, groot2 = options.topic, options.groot2
     with open_live_run(topic, groot2, workspace(options), options.tree, print_note, options.journal) as run:
         watch_entries(topic or groot2, run.read_new, options.web_port, opens=options.open)

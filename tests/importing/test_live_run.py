@@ -1,5 +1,6 @@
 """Runs of other programs, shown while they go on."""
 
+import signal
 from contextlib import closing
 
 import pytest
@@ -16,7 +17,7 @@ from sar_compiler.project import Workspace
 from sar_compiler.testing import ManualClock
 from tests.groot2.test_groot2 import Queue, main
 from tests.importing.test_import import FAILED, NAV2, bag_messages, import_log, nav2_messages
-from tests.processes import free_port
+from tests.processes import Command, free_port
 from tests.trees import write
 
 
@@ -166,3 +167,27 @@ def test_a_goal_of_nav2_ends_on_the_page_as_soon_as_nav2_has_logged_its_end(tmp_
     run.close()
     with JournalFile.open_snapshot(tmp_path / "kept.journal") as file:
         assert [each.reason for each in file.runs()][1] == "the tree returned FAILURE"
+
+
+def test_a_run_that_is_watched_is_ended_in_its_journal_if_the_command_is_terminated(tmp_path):
+    path = tmp_path / "tree.xml"
+    write(path, *main('<Queue name="a" answers="RRRR"/>'), main="Main")
+    compiled = sar_compiler.load(path, nodes=[Queue]).compile(context={Clock: ManualClock()})
+    ticking, port = BehaviourTree(compiled.root), free_port()
+    publisher, journal = Groot2Publisher(compiled, port), tmp_path / "kept.journal"
+    with closing(publisher):
+        publisher.observe(ticking)
+        ticking.tick()
+        address = f"127.0.0.1:{port}"
+        command = Command("sar-journal", "watch", "--groot2", address, "--journal", journal, "--web-port", 0)
+        command.wait_for("Page:")
+        command.wait_until(lambda: journal_runs(journal), "the run in the journal")
+        assert command.stop(signal.SIGTERM) == 0, command.output
+    assert [(each.ending, each.reason) for each in journal_runs(journal)] == [
+        ("stopped", "the recording was stopped")
+    ]
+
+
+def journal_runs(path):
+    with JournalFile.open_snapshot(path) as file:
+        return file.runs()
