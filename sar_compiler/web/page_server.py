@@ -182,7 +182,7 @@ async def _command_response(orders: CommandHandler | None, token: str, request: 
     except ValueError as error:
         return _text_response(
             400,
-            f"the header X-Seen is {error}. Put the objects of the command into this header, as the sender saw them",
+            f"the header X-Seen is wrong: {error}. Put the objects of the command into this header, as the sender saw them",
         )
     giver = CommandSender(by, robot, request.client.host if request.client else "", reason, seen)
     return await _send_command(orders, request.path_params["verb"], values, giver)

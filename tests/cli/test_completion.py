@@ -42,7 +42,7 @@ ASKED = {
 NOTHING_TO_OFFER = {
     "by",
     "digest",
-    "at_least", "confidence", "count", "deep", "fault", "georeference", "groot2", "half_width", "head", "jobs", "limit", "max_memory", "max_seconds", "max_states", "memory", "period", "robot",
+    "at_least", "confidence", "count", "deep", "fault", "georeference", "groot2", "half_width", "head", "jobs", "last_run", "limit", "max_memory", "max_seconds", "max_states", "memory", "period", "robot",
     "runs", "seed", "set", "speed", "supervise", "ticks", "topic", "tree_id", "until", "unusual", "vary", "web_port",
 }  # fmt: skip
 

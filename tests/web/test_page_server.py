@@ -463,5 +463,5 @@ def test_an_order_that_does_not_state_what_its_sender_saw_is_refused(live, seen)
     operator = Operator()
     status, text = live(orders=operator).order("pause", {}, **{"X-Seen": seen})
     assert status == 400
-    assert "the header X-Seen is not" in text
+    assert "the header X-Seen is wrong: expected a JSON object" in text
     assert operator.given == []
