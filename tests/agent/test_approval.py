@@ -309,7 +309,7 @@ class TestTheParametersOfTheRun:
         approve(capsys, "mission.xml", "--params", "q.yaml", "--by", "Ada")
         said = refusal("mission.xml", params=Path("q.yaml"), tick_rate_hz=50.0)
         assert said is not None
-        assert ": tick_rate_hz is 50.0, but was 5.0. Review it" in said
+        assert ": tick_rate_hz is 50.0, but was 5.0. Review the tree" in said
         assert said.endswith("sar-compile approve mission.xml --params=q.yaml")
 
     @pytest.mark.parametrize(
@@ -330,13 +330,13 @@ class TestTheParametersOfTheRun:
         approve(capsys, "mission.xml", "--params", "q.yaml")
         assert old in PARAMETERS
         Path("q.yaml").write_text(PARAMETERS.replace(old, new), encoding="utf-8")
-        assert f": {told}. Review it" in str(refusal("mission.xml", params=Path("q.yaml")))
+        assert f": {told}. Review the tree" in str(refusal("mission.xml", params=Path("q.yaml")))
 
     def test_of_many_changes_three_are_named(self, capsys):
         approve(capsys, "mission.xml")
         said = str(refusal("mission.xml", params=Path("q.yaml")))
         assert said.count(", but was ") == 3
-        assert " more parameters. Review it" in said
+        assert " more parameters. Review the tree" in said
 
     def test_without_a_file_those_of_the_mission_are_approved(self, capsys):
         approve(capsys, "mission.xml")

@@ -120,7 +120,7 @@ def test_a_file_that_cannot_be_read_is_passed_over_and_named(capsys):
     write("ws/broken.xml", document("<Sequence>"))
     status, out, err = run(capsys, "nodes", "--from-use", "ws")
     assert (status, "Grasp" in out) == (0, True)
-    assert "ws/broken.xml is malformed" in err
+    assert "ws/broken.xml is not a well-formed tree file" in err
 
 
 def test_json_is_no_form_of_a_palette(capsys):

@@ -154,7 +154,7 @@ def test_an_order_that_is_not_carried_out_fails_and_says_why(mission, robots):
 
 def test_an_order_that_a_mission_does_not_heed_is_told_beside_those_that_it_does(mission, robots):
     given = robots("digger", HEEDS)
-    said = "ros2 mission resume: /digger has no command 'resume' (known: abort, pause, skip_it)\n"
+    said = "ros2 mission resume: /digger has no command 'resume' (known commands: abort, pause, skip_it)\n"
     assert mission("resume") == (2, said)
     assert given == []
 

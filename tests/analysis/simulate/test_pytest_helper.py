@@ -88,5 +88,5 @@ def test_a_scenario_that_holds_passes():
 def test_a_scenario_that_does_not_hold_fails_the_test(tmp_path):
     path = tmp_path / "wrong.yaml"
     path.write_text("expect:\n  root: FAILURE\n", encoding="utf-8")
-    with pytest.raises(AssertionError, match=r"wrong.yaml:2: root: the root is SUCCESS"):
+    with pytest.raises(AssertionError, match=r"wrong.yaml:2: root: the status of the root is SUCCESS"):
         assert_scenario_holds(TREE, path)
