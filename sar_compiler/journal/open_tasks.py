@@ -142,9 +142,9 @@ def _gauge_tasks(state: MissionState) -> Iterator[OpenTask]:
     target = "" if state.drive is None else state.drive.target
     landmarks = state.situation.landmarks.values()
     is_coming = any(each.name == target and state.situation.kind_of(each).is_end for each in landmarks)
-    is_home = any(each.level == Level.DONE for each in landmarks if state.situation.kind_of(each).is_end)
-    home = "Charge the robot" if is_home else "Call the robot back"
-    do = f"Expect the robot at {target}" if is_coming else home
+    has_arrived = any(each.level == Level.DONE for each in landmarks if state.situation.kind_of(each).is_end)
+    do = "Charge the robot" if has_arrived else "Call the robot back"
+    do = f"Expect the robot at {target}" if is_coming else do
     for gauge in state.gauges:
         if gauge.least is not None and gauge.value < gauge.least:
             limit = f"{gauge.least:g} {gauge.unit}".strip()

@@ -49,7 +49,7 @@ def _full_description(spec: NodeSpec) -> str:
 def _outcome_texts(spec: NodeSpec) -> list[str]:
     """Return the lines that list the possible outcomes of a node."""
     if not any(outcome.label or outcome.when or outcome.then for outcome in spec.outcomes):
-        statuses = {outcome.status for outcome in spec.outcomes} or spec.statuses
+        statuses = spec.statuses and ({outcome.status for outcome in spec.outcomes} or spec.statuses)
         outcomes = [*sorted(statuses), *_skip_conditions(spec)]
         return [f"outcomes: {', '.join(outcomes)}"] if outcomes else []
     return [

@@ -200,4 +200,4 @@ class TestHolding:
     def test_a_mission_without_such_a_verb_refuses_at_once(self, hold):
         refused: list[str] = []
         hold(GO_ON, lambda: True, refused.append)
-        assert refused == ["the mission has no command to pause it"]
+        assert refused == ["the mission has no command to resume it"]

@@ -177,7 +177,7 @@ def test_a_journal_of_another_version_is_refused_with_both_numbers(written):
     other.close()
     words = refused(JournalFile.open, written)
     assert f"is a journal of version {VERSION + 1}" in words
-    assert f"reads version {VERSION}" in words
+    assert f"reads only version {VERSION}" in words
 
 
 @pytest.mark.parametrize("open_file", [JournalFile.open, JournalFile.read, JournalFile.create])

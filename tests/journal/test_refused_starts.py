@@ -23,7 +23,7 @@ def test_where_no_run_has_begun_why_says_why_the_last_one_was_refused(place, cap
     assert main(["why", str(place)]) == 0
     said = capsys.readouterr().out
     assert re.fullmatch(
-        rf"The run of \d{{4}}-\d\d-\d\d \d\d:\d\d:\d\d did not start \(status 2\): {re.escape(REASON)}\n",
+        rf"The run on \d{{4}}-\d\d-\d\d \d\d:\d\d:\d\d did not start \(exit status 2\): {re.escape(REASON)}\n",
         said,
     )
     assert main(["why", str(place), "--format", "json"]) == 0

@@ -217,7 +217,7 @@ def test_where_nobody_can_be_any_more_no_area_has_a_probability() -> None:
 @pytest.mark.parametrize(
     ("poa", "pod", "said"),
     [
-        ({"a": 0.7, "b": 0.4}, {"a": 1.0, "b": 1.0}, "sum to 1.1"),
+        ({"a": 0.7, "b": 0.4}, {"a": 1.0, "b": 1.0}, "add up to 1.1"),
         ({"a": 1.5}, {"a": 1.0}, "a has the probability 1.5"),
         ({"a": 0.5}, {"a": -0.1}, "a has the probability -0.1"),
         ({"a": math.nan}, {"a": 0.1}, "a has the probability nan"),

@@ -49,7 +49,7 @@ class TestPostponeZone:
         stage.zones.select_next_zone()
         stage.zones.select_next_zone()
         assert stage.run(postpone(stage, 3)) is Status.FAILURE
-        assert "none is left" in stage.warnings[0]
+        assert "no zone is left" in stage.warnings[0]
 
     def test_bad_news_waits_for_the_next_beat(self, stage: "Stage") -> None:
         stage.run(postpone(stage, 3))

@@ -35,7 +35,7 @@ MISTAKES = {
 ALWAYS = {
     "no YAML": (f'<RosService service="a" {BOOL} request="data: ["/>', "wrong-value", "[", "request: 'data: [' is not YAML"),
     "an alias": (f'<RosService service="a" {BOOL} request="a: &amp;x [1], b: *x"/>', "wrong-value", "&amp;x [1]", "request: a YAML alias (*) is not allowed here"),
-    "a field without its key": (f'<RosAction action="a" {POSES} fields="error_code: 5"/>', "wrong-value", "5", "fields: 'error_code' needs a key"),
+    "a field without its key": (f'<RosAction action="a" {POSES} fields="error_code: 5"/>', "wrong-value", "5", "fields: 'error_code' needs the key to which the field is written"),
     "a path": (f'<RosService service="a" {BOOL} success="a b"/>', "wrong-value", "a b", "success: 'a b' is not a field path"),
 }  # fmt: skip
 

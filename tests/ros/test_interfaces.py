@@ -474,8 +474,8 @@ class TestPaths:
     @pytest.mark.parametrize(
         ("text", "said"),
         [
-            ("a: 5", "'a' needs a key"),
-            ("a: [{b}]", "'a' needs a key"),
+            ("a: 5", "'a' needs the key to which the field is written"),
+            ("a: [{b}]", "'a' needs the key to which the field is written"),
             ("'a b': {c}", "'a b' is not a field path"),
         ],
     )
