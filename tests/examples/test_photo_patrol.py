@@ -111,7 +111,10 @@ def test_a_tree_of_two_missions_is_refused_unless_one_is_named(start, installed,
     )
     one = start("sar-run", tree, "--mission", "photo_patrol", env=installed)
     assert one.end() == 2
-    assert "both.xml:3:11: error[missing-context]: <ZonesRemaining> needs an object of the type ZoneManager" in one.output
+    assert (
+        "both.xml:3:11: error[missing-context]: <ZonesRemaining> needs an object of the type ZoneManager"
+        in one.output
+    )
 
 
 def test_a_tree_of_two_missions_is_found_without_a_robot_too(start, installed, tmp_path):
