@@ -734,7 +734,7 @@ def test_a_served_run_with_a_foreign_thread_ends_and_the_next_goal_is_taken(
     (tmp_path / "tree.xml").write_text(document("<Charge/>"), encoding="utf-8")
     options = ("--nodes", "charging", "--journal", "none")
     server = start("sar-run", "--serve", tmp_path / "tree.xml", *options, env={"PYTHONPATH": str(tmp_path)})
-    server.wait_for("start them")
+    server.wait_for("Ready to run the trees Main")
     client = ActionClient(ros.node("client"), ExecuteTree, "bt_execution")
     ros.spin_until(client.server_is_ready, "the server")
     for number in range(1, numbers + 1):
