@@ -71,6 +71,8 @@ def kernel() -> "list[Extension]":
         # Python's -Wall has gcc read all the text again for its indentation, whatever -w says: 25 s.
         if os.name != "nt":
             module.extra_compile_args += ["-fvisibility=hidden", "-Wno-misleading-indentation"]
+            # No C++ exception passes through it: the tables to unwind its calls are a tenth of it.
+            module.extra_compile_args += ["-fno-asynchronous-unwind-tables", "-fno-unwind-tables"]
         # A third of a wheel is the kernel, and a tenth of that are names for debuggers.
         if sys.platform == "linux":
             module.extra_link_args.append("-Wl,--strip-all")
