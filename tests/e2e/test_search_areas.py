@@ -64,7 +64,7 @@ def test_a_robot_far_from_home_charges_at_the_place_that_is_nearer_and_goes_on(s
     assert run.end() == 0, run.output
     assert "Mission complete." in run.output
     told = [line for line in run.log if "dock" in line or line.startswith("The battery is at")]
-    assert ": dock first, " in told[0], told
+    assert ": the robot drives to dock first " in told[0], told
     assert told[-2:] == [
         "Reached charging place dock.",
         "The battery is at 100%: the robot continues to zone_a.",
