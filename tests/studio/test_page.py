@@ -2,7 +2,7 @@
 
 import random
 import shutil
-import time
+import threading
 from contextlib import closing
 from functools import partial
 from html import escape
@@ -231,13 +231,19 @@ def test_a_file_that_another_program_has_changed_is_not_overwritten_without_a_qu
 
 @pytest.mark.parametrize("page", ["search_and_rescue.xml"], indirect=True)
 def test_a_slow_save_is_not_taken_for_a_change_by_another_program(page, monkeypatch):
+    is_late = threading.Event()
+
     def write_slowly(path, data):
         write_bytes(path, data)
-        time.sleep(2.5)  # longer than the page waits until it compares the file again
+        assert is_late.wait(60.0), "the page's timer did not run"
 
     monkeypatch.setattr(edited_document, "write_bytes", write_slowly)
     page.browser.js("window.studio.replace('AdvanceZone', 'AlwaysSuccess')")
     page.browser.click("#save")
+    # The page's own timer, which has it compare the file, has the same period.
+    page.browser.js("window.periods = 0; setInterval(() => { window.periods += 1; }, 2000)")
+    page.browser.wait(lambda: page.browser.js("return window.periods") > 1, "two periods")
+    is_late.set()
     page.browser.wait_for("#state", "Saved")
     compared = page.browser.js(COMPARED)
     page.browser.wait(lambda: page.browser.js(COMPARED) > compared + 1, "two comparisons")
