@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
-from sar_compiler.errors import UndecidableError
+from sar_compiler.errors import SarError
 from sar_compiler.importing import sqlite_log
 from sar_compiler.importing.autoremap import with_remapped_subtrees
 from sar_compiler.importing.bag import MCAP_MAGIC, read_mcap
@@ -138,6 +138,8 @@ def _is_possible(journal: Path, tree: "RunTree", writer: JournalWriter) -> bool:
 
     nodes = [*tree_nodes(tree.about["tree"])]
     runs = [LastRunEvents(journal, number, nodes) for number in range(1, writer.runs + 1)]
+    if not runs:
+        return True
     try:
         found = conform_tree(
             tree.loaded,
@@ -148,7 +150,7 @@ def _is_possible(journal: Path, tree: "RunTree", writer: JournalWriter) -> bool:
             is_imported=True,
             earlier=runs[:-1],
         )
-    except UndecidableError:
+    except SarError:  # for example, the tree contains a control that is only described
         return True
     return found.misfit is None
 

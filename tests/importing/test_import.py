@@ -96,6 +96,19 @@ def test_subtrees_are_not_remapped_if_the_run_is_possible_only_without_it(tmp_pa
     assert "_autoremap" not in Path(f"{tmp_path}/j.xml").read_text(encoding="utf-8")
 
 
+def test_a_run_whose_tree_cannot_be_compared_is_imported_with_remapped_subtrees(tmp_path, capsys):
+    head, changes = parts_of(Path("tests/importing/logs/300127.btlog"))
+    xml = head[len(MAGIC) + 5 : -8]
+    renamed = xml.replace(b"<WhileDoElse ", b"<MyControl ").replace(b"</WhileDoElse>", b"</MyControl>")
+    described = b'<Control ID="MyControl"/>'
+    renamed = renamed.replace(b"<TreeNodesModel>", b"<TreeNodesModel>" + described, 1)
+    log = tmp_path / "own.btlog"
+    size = struct.pack("<i", len(renamed))
+    log.write_bytes(written(head[: len(MAGIC) + 1] + size + renamed + head[-8:], changes))
+    status, said = answer(journal_command, ["import", log, "-o", tmp_path / "j"], capsys)
+    assert status == 0, said
+
+
 def test_the_palette_of_the_release_whose_ports_are_in_the_log_is_used(tmp_path, capsys):
     # RoundRobin has wrap_around since Nav2's main.
     words = ["import", "tests/importing/logs/1001.btlog", "-o", tmp_path / "j"]
