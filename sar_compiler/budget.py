@@ -136,6 +136,18 @@ class Budget:
         if not self.reason:
             self.reason, self._spent_at = reason, time.monotonic()
 
+    def spend_by(self, interrupt: KeyboardInterrupt) -> None:
+        """Spend the budget because of Ctrl-C.
+
+        Raises:
+            KeyboardInterrupt: At the second Ctrl-C.
+        """
+        if self.is_interrupted:
+            raise interrupt
+        self.is_interrupted, self.reason = True, ""
+        self._interrupt_status = status = status_of_interrupt(interrupt)
+        self.spend(f"stopped by {'Ctrl-C' if status == INTERRUPTED else signal.Signals(status - 128).name}")
+
     def divide_memory(self, processes: int) -> None:
         """Divide the memory limit of this process by the number of processes that share the budget."""
         self._max_memory_mb /= processes
@@ -171,13 +183,7 @@ class Budget:
                 if outcome.is_available.wait(_POLL_SEC):
                     break
             except KeyboardInterrupt as interrupt:
-                if self.is_interrupted:
-                    raise
-                self.is_interrupted, self.reason = True, ""
-                self._interrupt_status = status = status_of_interrupt(interrupt)
-                self.spend(
-                    f"stopped by {'Ctrl-C' if status == INTERRUPTED else signal.Signals(status - 128).name}"
-                )
+                self.spend_by(interrupt)
         if outcome.error is not None:
             raise outcome.error
         return cast("T", outcome.result)

@@ -28,26 +28,36 @@ class _WorkerProcess(NamedTuple):
 class ForkedWorkers:
     """Worker processes, which are forked from this process.
 
-    A worker has everything that this process has imported and read, so it starts immediately. Only the thread that
-    calls the constructor exists in a worker, so create the workers before any other thread is started. Workers ignore
-    Ctrl-C, and end with this process, even if it is killed.
+    A worker has everything that this process has imported and read, so it starts immediately. Workers ignore Ctrl-C,
+    and end with this process, even if it is killed.
 
     Args:
         work: Function that returns the text for a number, or None if this process must compute the text itself.
         numbers: The numbers.
-        count: The number of workers.
         max_sec: The maximum processor time of each worker, in seconds.
     """
 
-    def __init__(
-        self, work: Callable[[int], str | None], numbers: Iterable[int], count: int, max_sec: float
-    ) -> None:
+    def __init__(self, work: Callable[[int], str | None], numbers: Iterable[int], max_sec: float) -> None:
         self._work = work
         self._waiting = deque(numbers)
         self._workers: list[_WorkerProcess] = []
         self._max_sec = max_sec
-        for _ in range(count):
-            self._start()
+
+    def start(self, count: int) -> None:
+        """Start workers. Only the calling thread exists in a worker, so no other thread may have been started.
+
+        Args:
+            count: The number of workers.
+
+        Raises:
+            KeyboardInterrupt: If Ctrl-C was pressed meanwhile. All workers have been started, and must be terminated.
+        """
+        signals = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            for _ in range(count):
+                self._start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, signals)
 
     @staticmethod
     def are_possible() -> bool:

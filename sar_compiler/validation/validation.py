@@ -189,8 +189,11 @@ class Validation:
 
         cache = self._cache(options, is_tried=is_tried)
         run = self._run = CheckRun(self.files, make_checker, cache, work, budget)
-        run.start_workers(options.max_sec)
         try:
+            try:
+                run.start_workers(options.max_sec)
+            except KeyboardInterrupt as interrupt:
+                budget.spend_by(interrupt)
             with suppress(BudgetSpentError):
                 budget.run(lambda: self._receive_checks(run, budget))
         finally:
@@ -348,7 +351,8 @@ class CheckRun:
             import sar_compiler.tree.xml  # noqa: F401 - imported once for all workers
 
             self._count = count
-            self._workers = ForkedWorkers(self._check_in_worker, self._missing, count, max_sec)
+            self._workers = ForkedWorkers(self._check_in_worker, self._missing, max_sec)
+            self._workers.start(count)
 
     def _check_in_worker(self, number: int) -> str | None:
         checker = self._checker

@@ -337,14 +337,42 @@ def test_ctrl_c_ends_the_copies_too():
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="copies of a process")
+def test_ctrl_c_between_the_starts_of_two_copies_is_reported_as_later():
+    many(40)
+    program = """
+import os, signal, sys
+fork = os.fork
+
+def fork_and_interrupt():
+    copy = fork()
+    if copy:
+        os.kill(os.getpid(), signal.SIGINT)
+    return copy
+
+os.fork = fork_and_interrupt
+from sar_compiler.cli.compile import main
+status = main(sys.argv[1:])
+try:
+    os.waitpid(-1, 0)
+except ChildProcessError:
+    sys.exit(status)
+"""
+    command = [sys.executable, "-c", program, "validate", "trees", "--no-cache"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120.0)
+    assert (done.returncode, done.stderr.count("stopped by Ctrl-C (40 files not checked)")) == (130, 1)
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="copies of a process")
 def test_what_a_killed_copy_had_is_left_to_the_process():
     def work(number):
         if number == 3:
             os.kill(os.getpid(), signal.SIGKILL)
         return str(number)
 
-    workers = ForkedWorkers(work, range(10), 2, 60.0)
+    workers = ForkedWorkers(work, range(10), 60.0)
     try:
+        workers.start(2)
         found = dict(workers.results(lambda: False))
     finally:
         workers.terminate_workers()
@@ -355,8 +383,9 @@ def test_what_a_killed_copy_had_is_left_to_the_process():
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="copies of a process")
 def test_all_is_left_to_the_process_where_every_copy_is_killed():
-    workers = ForkedWorkers(lambda _: os.kill(os.getpid(), signal.SIGKILL), range(10), 2, 60.0)
+    workers = ForkedWorkers(lambda _: os.kill(os.getpid(), signal.SIGKILL), range(10), 60.0)
     try:
+        workers.start(2)
         assert dict(workers.results(lambda: False)) == dict.fromkeys(range(10))
     finally:
         workers.terminate_workers()
