@@ -46,6 +46,7 @@ NO_BEHAVIOUR = {
     RELIABILITY: (
         "This page lists how `sar-run` reacts",
         "Items with † were",
+        "Names that end in `_sec`",
         "*Detection takes* states the time",
         "If a process dies without notice",
         "For the limits for files, see",
