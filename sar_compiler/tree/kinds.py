@@ -144,7 +144,7 @@ INFOS = {
     "moved": "a comment that conversion had to move",
     "needless-node": "a node that can be removed",
     "not-converted": "an included file that is not converted",
-    "reference": "a reference to a node, because BehaviorTree.CPP treats it as a plain string",
+    "reference": "a reference to a node, which BehaviorTree.CPP treats as a plain string",
     "same-name": "two siblings with the same name",
     "separator-in-name": "a name with a character that separates names",
     "short-timeout": "a time limit that is hardly longer than a tick, or shorter than a wait in the limited branch",
