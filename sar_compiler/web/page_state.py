@@ -158,6 +158,8 @@ class PageState:
         self._log, self._trail, self._lanes = GrowingList(), GrowingList(), GrowingList()
         # The times of the log's last lines, in seconds since 1970.
         self._walls: list[float] = []
+        # Whether the log has a line about the end of the current run.
+        self._has_ended = False
         # The index of the last event in the log; its sentence follows it.
         self._fact: int | None = None
         self.resend()
@@ -255,7 +257,7 @@ class PageState:
 
     def _on_run_began(self, entry: JournalEntry) -> None:
         self._began, self._times = entry.time, {}
-        self._why = None
+        self._why, self._has_ended = None, False
         self._nodes = set()
         self._last, self._reset_nodes = {}, set()
         self._lanes.renew([])
@@ -263,6 +265,9 @@ class PageState:
 
     def _on_run_ended(self, _: JournalEntry) -> None:
         run = self._mission.runs[-1]
+        if self._has_ended:  # Nav2 publishes the last tick of a goal after it has reported the goal's end
+            return
+        self._has_ended = True
         self._add_line("fact", f"The run ended{f': {run.reason}' if run.reason else '.'}")
 
     def _on_status(self, entry: JournalEntry) -> None:

@@ -348,3 +348,15 @@ def test_the_reason_of_a_failure_is_forgotten_when_another_run_begins():
     assert folded({}, state.full_state())["why"] == {"chain": []}
     state.apply(JournalEntry(9, 2, 0.0, 0.0, "run_began", {**ABOUT, "run": {}}))
     assert folded({}, state.full_state())["why"] is None
+
+
+def test_a_run_whose_end_is_told_twice_ends_once_in_the_log():
+    end = {"ending": "failed", "status": 1, "reason": "Goal failed"}
+    state = run_of(("run_ended", end), ("run_ended", {**end, "reason": "the tree returned FAILURE"}))
+    assert [line[3] for line in state.full_state()["log"]["values"]] == [
+        "The run began.",
+        "The run ended: Goal failed",
+    ]
+    state.apply(JournalEntry(9, 2, 0.0, 9.0, "run_began", {**ABOUT, "run": {}}))
+    state.apply(JournalEntry(10, 2, 0.0, 10.0, "run_ended", end))
+    assert len(state.full_state()["log"]["values"]) == 4
