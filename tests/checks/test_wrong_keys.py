@@ -257,6 +257,29 @@ def test_a_word_that_is_a_statement_of_its_own_is_told_once(code, statement):
     assert f"'{statement}'" in finding.message
 
 
+MISSPELT = '<Find at="{place}"/><Say text="{plaice}"/>'
+
+
+def test_a_misspelt_key_is_found_beside_another_mistake():
+    body = f"<Sequence>{MISSPELT}<Wiat/></Sequence>"
+    assert sorted(code for code, *_ in found(document(body))) == ["unknown-node", "unwritten-key"]
+
+
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        '<Fnd at="{plaice}"/>',
+        '<Find att="{plaice}"/>',
+        '<SubTree ID="Elsewhere"/>',
+        '<SubTre ID="Elsewhere"/>',
+        '<Wiat><Find at="{plaice}"/></Wiat>',
+    ],
+)
+def test_a_mistake_that_may_write_the_key_keeps_a_misspelling_back(mistake):
+    codes = [code for code, *_ in found(document(f"<Sequence>{MISSPELT}{mistake}</Sequence>"))]
+    assert codes and "unwritten-key" not in codes
+
+
 def test_a_mistake_elsewhere_may_be_why_a_key_is_not_written():
     body = '<Sequence>\n<Script code="a :="/>\n<ScriptCondition code="a"/></Sequence>'
     assert [code for code, *_ in found(document(body))] == ["script-error"]

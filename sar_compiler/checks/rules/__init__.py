@@ -19,7 +19,7 @@ from sar_compiler.runtime.expressions import Script
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import Guesses
-from sar_compiler.tree.model import SECTIONS, Element, TreeFile
+from sar_compiler.tree.model import SECTIONS, Element, TreeFile, last_element_before
 
 _OfSpec = TypeVar("_OfSpec")
 
@@ -138,6 +138,21 @@ class CheckContext:
     def nodes_with_errors(self) -> frozenset[BoundNode]:
         """The nodes that the rules skip because their tag, attributes or children have an error."""
         return frozenset(self._find_nodes_with_errors()) if self._errors else frozenset()
+
+    @functools.cached_property
+    def elements_with_errors(self) -> Sequence[Element]:
+        """The elements in the trees that have errors, or could not be bound to nodes."""
+        bound = {id(node.element) for tree in self.bound_forest.trees for node in tree.nodes}
+        found = []
+        for tree_file in self.forest.files:
+            elements = [
+                each for tree in tree_file.trees for child in tree.children for each in child.iterate()
+            ]
+            found += [each for each in elements if id(each) not in bound]
+            elements.sort(key=attrgetter("position"))  # in YAML, a node's children may precede its attributes
+            errors = [each for each in self._errors if each.source is tree_file.source]
+            found += filter(None, (last_element_before(elements, each.span[:2]) for each in errors))
+        return found
 
     @functools.cached_property
     def _errors(self) -> list[Diagnostic]:

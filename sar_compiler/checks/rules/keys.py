@@ -38,6 +38,7 @@ _LIKE, _CLOSE = 0.7, 0.75
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield findings about keys whose reads and writes do not match."""
     if not context.is_complete:
+        yield from _check_typos(context)
         return  # another error may be the reason why a key is not written
     reported: set[tuple[str, int, int]] = set()
     with gc_paused():  # the objects for keys are many in a large file, and live as long as the check
@@ -53,6 +54,22 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
                 if place not in reported:
                     reported.add(place)
                     yield finding
+
+
+def _check_typos(context: CheckContext) -> Iterator[Diagnostic]:
+    """Yield findings about keys in a file with errors: only typos that cannot be a consequence of the errors."""
+    doubtful = context.elements_with_errors
+    if not context.is_whole or any(each.tag == "SubTree" or "ID" in each.attributes for each in doubtful):
+        return
+    texts = "\n".join(text for each in doubtful for text in each.attributes.values())
+    for top in context.bound_forest.tops:
+        board = entry_table_of(top, context.key_accesses)
+        for entry in board.entries:
+            if entry.given or entry.is_parameter or entry.is_made or entry.key.strip() in texts:
+                continue
+            near = _nearest(entry.key, board.written_by_scope.get(entry.scope, ()), context.guesses)
+            if near is not None and _is_typo(entry, near):
+                yield from _check_unwritten(entry, board, context)
 
 
 def refused_key_types(context: CheckContext) -> Iterator[Diagnostic]:
