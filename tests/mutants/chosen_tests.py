@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,16 @@ def pytest_runtest_setup() -> None:
     """Have the processes that tests begin measured: not those in which the tests are run."""
     if PROCESSES in os.environ:
         os.environ["COVERAGE_PROCESS_START"] = os.environ[PROCESSES]
+
+
+@pytest.hookimpl(wrapper=True, trylast=True)
+def pytest_runtest_teardown() -> Iterator[None]:
+    """Let the environment be as before when `tests/conftest.py` compares it."""
+    try:
+        return (yield)
+    finally:
+        if PROCESSES in os.environ:
+            del os.environ["COVERAGE_PROCESS_START"]
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

@@ -98,6 +98,19 @@ def test_a_mutant_that_never_ends_is_killed(tmp_path, monkeypatch):
         assert bench.killer_of(endless)
 
 
+def test_a_suite_that_compares_its_environment_is_measured_in_one_run(tmp_path):
+    runs = tmp_path / "runs"
+    test = f"def test_seven():\n    with open({str(runs)!r}, 'a') as file:\n        file.write('.')\n"
+    checkout = checkout_of(tmp_path / "checkout", "def seven():\n    return 7\n", test)
+    (checkout / "tests" / "conftest.py").write_text(
+        "import os\nimport pytest\nBEFORE = {**os.environ}\n"
+        "@pytest.hookimpl(wrapper=True)\ndef pytest_runtest_teardown():\n    yield\n"
+        "    assert os.environ.keys() - BEFORE.keys() <= {'PYTEST_CURRENT_TEST'}\n"
+    )
+    with closing(Bench(checkout, ["toy"], tmp_path / "cache")):
+        assert runs.read_text() == "."
+
+
 def test_a_test_that_fails_now_and_then_kills_no_mutant(tmp_path):
     times = tmp_path / "times"
     times.write_text("", encoding="utf-8")
