@@ -95,7 +95,7 @@ def quoted(page, chosen):
 def test_every_message_that_is_explained_is_printed_by_the_project():
     explained = [
         *quoted(TROUBLESHOOTING, lambda heading: heading not in NOT_HERE),
-        *quoted(PARAMETERS, lambda heading: heading == "Mistakes of the whole file"),
+        *quoted(PARAMETERS, lambda heading: heading == "Mistakes in the whole file"),
         *quoted(LEAVES, lambda heading: heading == "Refused definitions"),
     ]
     wrong = []

@@ -30,6 +30,7 @@ from sar_compiler.nodes.spec import Kind
 from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
 from sar_compiler.tree.guessing import Guesses, likeness
+from sar_compiler.tree.model import SUBTREE_TAG
 
 _LIKE, _CLOSE = 0.7, 0.75
 """Two minimum similarities of two keys: the first for a possible typo, the second for a certain typo."""
@@ -59,7 +60,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
 def _check_typos(context: CheckContext) -> Iterator[Diagnostic]:
     """Yield findings about keys in a file with errors: only typos that cannot be a consequence of the errors."""
     doubtful = context.elements_with_errors
-    if not context.is_whole or any(each.tag == "SubTree" or "ID" in each.attributes for each in doubtful):
+    if not context.is_whole or any(each.tag == SUBTREE_TAG or "ID" in each.attributes for each in doubtful):
         return
     texts = "\n".join(text for each in doubtful for text in each.attributes.values())
     for top in context.bound_forest.tops:
