@@ -193,7 +193,7 @@ BENCHMARK = Benchmark(
         Row(
             "`validate` of the shipped tree",
             (Limit(3.0, _LXML),),
-            "CPU time beside an import, in turns; nothing kept of earlier runs",
+            "CPU time, compared with an import; an empty cache",
             lambda stage, effort: _validate(stage, effort, "search_and_rescue"),
         ),
         Row(

@@ -152,7 +152,7 @@ def _row(name: str) -> Row:
     return Row(
         f"`sar-journal {name}` of {_ENTRIES:,} entries",
         _LIMITS,
-        "CPU time and most memory of a process",
+        "CPU time and peak memory of a process",
         measure,
     )
 

@@ -476,19 +476,19 @@ BENCHMARK = Benchmark(
         Row(
             "`sar-run` to the first tick",
             (Limit(2.5, "s passing"),),
-            "servers up, another mission looked for; until the first goal is sent",
+            "until the first goal is sent; servers already run; includes the search for another mission",
             _first_tick,
         ),
         Row(
             "the result of a goal to the next goal",
             (Limit(8.0, "ms passing"),),
-            f"seen by the server; the median of {_GOALS} goals",
+            f"measured by the server; the median of {_GOALS} goals",
             _next_goal,
         ),
         Row(
             f"`sar-run` that {_AT_RATE}",
             (Limit(4.0, "% of a core"), Limit(1.0, _BARE)),
-            "beside a bare node that has sent the same goal and hears the same topics",
+            "compared with a bare node that sends the same goal and subscribes to the same topics",
             _driving,
         ),
         Row(
@@ -500,13 +500,13 @@ BENCHMARK = Benchmark(
         Row(
             "memory of a run",
             (Limit(115.0, "MB"), Limit(190.0, "MB", what="with all options")),
-            "resident, while it drives",
+            "resident memory during a drive",
             _memory,
         ),
         Row(
             "a run with a page that five browsers read",
             (Limit(5.0, "% of a core"),),
-            "while it drives; the browsers do not count",
+            "during a drive, without the time of the browsers",
             _page,
         ),
         Row(
@@ -518,7 +518,7 @@ BENCHMARK = Benchmark(
         Row(
             "missions of `sar-sim sweep`",
             (Limit(60.0, "/min", is_least=True),),
-            "the shipped mission, as many at a time as there are processors",
+            "the shipped mission, one at a time for each processor",
             _sweep,
         ),
     ),

@@ -122,19 +122,19 @@ BENCHMARK = Benchmark(
         Row(
             "`verify` of a patrol that counts its rounds",
             (Limit(1.0, "s CPU"), Limit(150.0, "MB")),
-            "decided; no node reads the count",
+            "explores all states; no node reads the count",
             _patrol_row,
         ),
         Row(
             "`verify` of twenty trees as people write them, the median",
             (Limit(0.5, "s CPU"),),
-            "the shipped ones, and others of 20 to 60 nodes; all decided",
+            "shipped trees, and others of 20 to 60 nodes; explores all states",
             _usual_row,
         ),
         Row(
             "`verify` of the resilient mission with 8 zones",
             (Limit(15.0, "s CPU"), Limit(500.0, "MB")),
-            "all states, and the mission's properties",
+            "explores all states, and checks the mission's properties",
             _large_row,
         ),
         Row(
@@ -146,7 +146,7 @@ BENCHMARK = Benchmark(
         Row(
             "the order of 1,000 zones",
             (Limit(2.0, "s CPU"), Limit(200.0, "MB")),
-            "`expected_find`, straight lines as ways; with the start of the process",
+            "`expected_find`, with straight lines as paths; includes the start of the process",
             _order_row,
         ),
     ),

@@ -66,7 +66,7 @@ BENCHMARK = Benchmark(
                 Limit(85.0, "%", is_least=True, what="restored"),
                 Limit(93.0, "%", is_least=True, what="without errors"),
             ),
-            f"{_TYPOS} shipped trees with one typo, every suggestion made",
+            f"{_TYPOS} shipped trees with one typo, all suggestions applied",
             _fix,
         ),
     ),

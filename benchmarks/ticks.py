@@ -115,13 +115,13 @@ BENCHMARK = Benchmark(
         Row(
             "a tick of six trees of usual shapes and sizes, the median",
             (Limit(2.5, _CPP),),
-            "C++ driver, equal numbers of ticks; leaves in Python beside leaves in C++",
+            "equal numbers of ticks; leaves in Python compared with leaves in C++",
             _usual,
         ),
         Row(
             "the slowest of five constructs",
             (Limit(4.0, _CPP),),
-            f"the same; {_COUNT} of each in a tree, which run or are decided in each tick",
+            f"the same; a tree with {_COUNT} of each, all of which are executed in each tick",
             _constructs,
         ),
     ),
