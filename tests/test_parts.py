@@ -136,6 +136,7 @@ def without(part, folder):
     return place
 
 
+@pytest.mark.costly
 def test_without_a_part_the_other_commands_work_and_its_own_say_what_is_missing(files):
     places = {part: without(part, files) for part in ("", *sorted(PARTS))}
     modules = {command: module for command, (module, _) in COMMANDS.items()}

@@ -275,6 +275,7 @@ def test_make_names_what_the_machine_lacks_as_the_page_says(message, tmp_path):
     assert_read(message, said(make, "require", "PYTHON=python", env={"PATH": str(tmp_path)}))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("message", LACKING)
 def test_a_library_that_is_not_installed_is_named_as_the_page_says(message):
     program = (
@@ -302,6 +303,7 @@ def test_an_extra_that_is_not_installed_is_named_as_the_page_says(extra, tmp_pat
     assert_read(NO_EXTRA.replace("[…]", f"[{extra}]"), text)
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_an_installation_without_a_shipped_file_is_named_as_the_page_says(tmp_path):
     shutil.copytree(ROOT / "sar_compiler", tmp_path / "sar_compiler")
@@ -319,6 +321,7 @@ def test_a_middleware_that_is_not_installed_is_named_as_the_page_says():
     assert_read(NO_MIDDLEWARE, said(BIN / "sar-run", env={"RMW_IMPLEMENTATION": "rmw_nowhere_cpp"}))
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_an_engine_that_cannot_be_loaded_is_named_as_the_page_says(tmp_path):
     (tmp_path / "py_trees_ros").mkdir()
@@ -327,6 +330,7 @@ def test_an_engine_that_cannot_be_loaded_is_named_as_the_page_says(tmp_path):
     assert_read(BROKEN_ENGINE, said(*command, env={"PYTHONPATH": str(tmp_path)}))
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_an_engine_that_is_not_installed_is_named_as_the_page_says():
     program = (

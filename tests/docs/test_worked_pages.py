@@ -128,6 +128,7 @@ def test_the_first_minute_of_the_readme_shows_what_one_sees(tmp_path):
     assert otherwise == [], "\n".join(otherwise)
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_the_lessons_of_the_tutorial_do_what_they_say_one_after_the_other(tmp_path):
     done = [follow(page, tmp_path) for page in TUTORIAL]
@@ -135,6 +136,7 @@ def test_the_lessons_of_the_tutorial_do_what_they_say_one_after_the_other(tmp_pa
     assert [each for _, otherwise in done for each in otherwise] == []
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_one_file_of_properties_serves_before_during_and_after_a_run(tmp_path):
     typed, otherwise = follow(RUNS, tmp_path)
@@ -142,6 +144,7 @@ def test_one_file_of_properties_serves_before_during_and_after_a_run(tmp_path):
     assert otherwise == [], "\n".join(otherwise)
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_a_leaf_is_written_and_flown_as_the_page_says(tmp_path):
     typed, otherwise = follow(LEAVES, tmp_path)

@@ -59,6 +59,7 @@ def test_without_faults_the_mission_says_and_does_what_the_contract_has():
     assert [line for line in run.log if line in set(MISSION_LOG)] == MISSION_LOG
 
 
+@pytest.mark.costly
 def test_a_rehearsal_like_nav2_has_nav2_s_recoveries_and_codes():
     wall = ("-p", "zones.zone_a.x:=3.0", "-p", "zones.zone_a.y:=-3.0")
     run, status = fly(zones="[zone_a]", options=("--like", "nav2"), parameters=wall)
@@ -70,6 +71,7 @@ def test_a_rehearsal_like_nav2_has_nav2_s_recoveries_and_codes():
     assert any("the robot backs up" in line for line in run.log), run.output
 
 
+@pytest.mark.costly
 def test_what_fails_once_is_tried_again_where_the_robot_is():
     run, status = fly("navigate_to_pose:reject=1", "detect_survivor:drop=1", "report_survivor:refuse=1")
     assert status == 0, run.output
@@ -83,6 +85,7 @@ def test_what_fails_once_is_tried_again_where_the_robot_is():
     assert "No survivor found at zone_a." not in run.log
 
 
+@pytest.mark.costly
 def test_a_report_that_is_refused_is_kept_and_delivered_on_the_way(overcome):
     run, status = overcome
     assert status == 0, run.output
@@ -97,6 +100,7 @@ def test_a_report_that_is_refused_is_kept_and_delivered_on_the_way(overcome):
     assert not any("survivor_3" in line for line in run.log)
 
 
+@pytest.mark.costly
 def test_reports_that_are_never_acknowledged_are_named_at_the_end():
     run, status = fly("report_survivor:refuse=99", zones="[zone_a, zone_c]")
     assert status == 1

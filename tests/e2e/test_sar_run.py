@@ -297,6 +297,7 @@ def unacknowledged():
     return ended("--fault", "report_survivor:drop=1", "--fault", "report_survivor:refuse=1")
 
 
+@pytest.mark.costly
 def test_a_report_without_an_answer_leaves_the_mission_incomplete(unacknowledged):
     run, status = unacknowledged
     assert status == 1
@@ -328,6 +329,7 @@ def test_a_slow_answer_is_waited_for(delayed):
     assert status == 0, run.output
 
 
+@pytest.mark.costly
 def test_time_waits_for_a_mission_that_cannot_go_as_fast_as_asked_for():
     run, status = ended(speed=1000)
     assert status == 0, run.output

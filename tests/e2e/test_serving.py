@@ -118,6 +118,7 @@ def change(client, label, *, by_label=False):
     ).success
 
 
+@pytest.mark.costly
 def test_a_client_starts_trees_by_their_names_one_after_the_other(client, serve):
     server = serve(SHORT, FAILING)
     assert client.trees() == ["Failing", "Short"]
@@ -173,6 +174,7 @@ def test_what_cannot_be_begun_is_refused_and_the_log_says_why(client, serve):
     server.wait_for("Goal refused: a mission is running")
 
 
+@pytest.mark.costly
 def test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them(client, serve):
     serve(TIMED)
     assert client.run("Timed", '{"patience_msec": 10}')[:2] == (SUCCEEDED, SUCCESS)
@@ -223,6 +225,7 @@ def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
     assert client.trees() == []
 
 
+@pytest.mark.costly
 def test_a_transition_that_there_is_not_is_refused_and_the_mission_goes_on(client, serve):
     server = serve(LONG, options=["--managed"])
     assert change(client, "configure")

@@ -67,6 +67,7 @@ def one_zone():
         yield simulated_runs.SimulatedRuns(PROGRAM, arguments, ros=("-p", "zone_order:=[zone_a]"))
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_first(one_zone):
     outcomes = [*one_zone([7]), *one_zone([8, 7])]
@@ -87,6 +88,7 @@ def test_a_process_that_ends_before_it_answers_has_flown_nothing(monkeypatch):
         simulated_runs.SimulatedRuns(PROGRAM, ("a_tree",))([0])
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
     arguments = ("search_areas", "--sim", "--speed", "1000", "--params", str(AREAS))

@@ -72,6 +72,7 @@ def test_one_bad_photo_is_tried_again(start, installed):
     assert "Patrol: 3 of 3 photos" in run.output
 
 
+@pytest.mark.costly
 def test_a_camera_that_nobody_brings_is_named(start, installed):
     run = start("sar-run", PATROL, "--ros-args", "-p", "startup_timeout_sec:=1.0", env=installed)
     assert run.end() == 3
@@ -100,6 +101,7 @@ def test_a_mistake_is_answered_before_anything_moves(start, installed, arguments
     assert "Driving" not in run.output
 
 
+@pytest.mark.costly
 def test_a_tree_of_two_missions_is_refused_unless_one_is_named(start, installed, tmp_path):
     tree = tmp_path / "both.xml"
     tree.write_text(document("<Sequence><ZonesRemaining/><TakePhoto/></Sequence>"), encoding="utf-8")
@@ -117,6 +119,7 @@ def test_a_tree_of_two_missions_is_refused_unless_one_is_named(start, installed,
     )
 
 
+@pytest.mark.costly
 def test_a_tree_of_two_missions_is_found_without_a_robot_too(start, installed, tmp_path):
     tree = tmp_path / "both.xml"
     tree.write_text(document("<Sequence><ZonesRemaining/><TakePhoto/></Sequence>"), encoding="utf-8")
@@ -135,6 +138,7 @@ def test_a_tree_of_two_missions_is_found_without_a_robot_too(start, installed, t
     assert "did you mean 'photo_patrol'?" in misspelt.output
 
 
+@pytest.mark.costly
 def test_a_patrol_that_dies_is_resumed_without_a_second_photo_of_any_point(start, installed, tmp_path):
     patrol = ("--mission", "photo_patrol", "--sim", "--speed", 20, "--journal", tmp_path / "patrol.journal")
     dead = start("python", "-c", KILLER, 5, "written", *patrol, env=installed)

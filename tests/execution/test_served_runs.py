@@ -20,7 +20,7 @@ from sar_compiler.helper_process import helper_command
 from sar_compiler.leaves import Kind, register
 from sar_compiler.missions.mission import OperatorCommand
 from sar_compiler.missions.mission_choice import find_mission
-from sar_compiler.missions.mission_start import path_parameters
+from sar_compiler.missions.mission_start import fixed_parameters, path_parameters
 from sar_compiler.missions.parameter_reader import RUN_PARAMETER_NAMES
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import MARK
@@ -158,6 +158,7 @@ def test_the_parameters_that_are_paths_are_the_mission_s_and_those_that_leaves_h
     binding = bind_main(tree.forest, registry)
     assert path_parameters(None, binding) == {"photos"}
     assert path_parameters(find_mission("search_and_rescue"), binding) == {"photos", "areas_file"}
+    assert "photos" in fixed_parameters(None, binding)
 
 
 @pytest.mark.ros

@@ -125,6 +125,7 @@ def test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancel
     run.send(signal.SIGKILL)
 
 
+@pytest.mark.costly
 def test_a_leaf_that_blocks_while_it_is_stopped_keeps_no_run(block, place):
     server, run, _ = block("end", "--journal", "none", settle_timeout_sec=2.0)
     assert run.stop(within_sec=20.0) == 130, run.output

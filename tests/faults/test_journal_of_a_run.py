@@ -84,6 +84,7 @@ def test_a_mission_that_died_is_in_the_way_of_another_until_it_is_resumed_or_put
     assert len(journals(tmp_path)) == 2
 
 
+@pytest.mark.costly
 def test_a_mission_that_was_stopped_makes_room_where_no_file_was_named(begin, start, tree, state, tmp_path):
     begin().stop()
     run = begin()

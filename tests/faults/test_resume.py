@@ -174,6 +174,7 @@ def killed(start, dies_at, written, *arguments):
     return run
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("tree", TREES)
 def test_a_simulated_mission_killed_between_name_and_report_is_resumed(start, tmp_path, tree):
     place = tmp_path / "mission.journal"

@@ -92,6 +92,7 @@ def test_a_mission_that_stands_still_is_killed_and_resumed(misbehave):
     assert "the mission has crashed (no heartbeat for 10 s) and is resumed (1 of 3)" in run.output
 
 
+@pytest.mark.costly
 def test_a_process_that_is_stopped_is_killed_and_its_mission_resumed(misbehave):
     run = misbehave(1, "SIGSTOP", "--supervise", "1")
     assert run.end() == 0, run.output
@@ -106,6 +107,7 @@ def test_one_that_dies_again_and_again_is_given_up_with_the_status_of_its_last_d
     assert "life 3" not in run.output
 
 
+@pytest.mark.costly
 def test_what_the_mission_needs_and_does_not_find_is_looked_for_again(start, tmp_path):
     place = tmp_path / "run.journal"
     more = ("--supervise", 1, "--journal", place, "--ros-args", "-p", "startup_timeout_sec:=1.0")

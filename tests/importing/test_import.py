@@ -477,6 +477,7 @@ def test_a_damaged_log_is_refused_with_the_place(data, reason, tmp_path, capsys)
     assert not (tmp_path / "bad.journal").exists()
 
 
+@pytest.mark.costly
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32), log=st.sampled_from([FAILED, *LOGS]))
 def test_an_altered_log_is_imported_or_refused_without_a_traceback(seed, log, tmp_path_factory, capsys):

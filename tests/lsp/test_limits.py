@@ -96,6 +96,7 @@ def test_a_request_that_waits_for_a_check_can_be_cancelled(editor, tmp_path):
     editor.say(editor.client.text_document_did_close, lsp.DidCloseTextDocumentParams(whose))
 
 
+@pytest.mark.costly
 def test_a_command_is_given_no_option_by_what_an_editor_names(editor, tmp_path):
     path = tmp_path / "small.xml"
     write(path, '<BehaviorTree ID="Main">', "<AlwaysSuccess/>", "</BehaviorTree>", main="Main")

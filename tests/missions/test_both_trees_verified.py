@@ -62,7 +62,9 @@ def test_the_shipped_trees_that_give_zones_up_are_proved_to_give_none_up_while_n
     }
 
 
-@pytest.mark.parametrize("tree", ["search_sweeps", "search_areas_guarded"])
+@pytest.mark.parametrize(
+    "tree", [pytest.param("search_sweeps", marks=pytest.mark.costly), "search_areas_guarded"]
+)
 def test_the_tree_that_sweeps_and_the_guarded_search_are_proved_for_one_zone(tree: str) -> None:
     status, output = verify(f"trees/{tree}.xml", "--set", "zones_left=1")
     assert (status, broken(output)) == (0, set())

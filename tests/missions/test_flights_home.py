@@ -192,6 +192,7 @@ def test_with_charging_places_half_of_the_reserve_is_always_left_too() -> None:
     assert not all(stops)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("charging", [0, 2])
 def test_in_sweeps_half_of_the_reserve_is_always_left_too(charging: int) -> None:
     flights = [
@@ -205,6 +206,7 @@ def test_in_sweeps_half_of_the_reserve_is_always_left_too(charging: int) -> None
     assert sum(each.skipped for each in sweeps) < 0.1 * sum(len(each.pieces) for each in sweeps)
 
 
+@pytest.mark.costly
 def test_in_the_worst_world_sweeps_do_not_cost_the_reserve_either() -> None:
     worst = World(ConsumptionRates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
     lowest = [

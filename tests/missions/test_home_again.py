@@ -360,7 +360,9 @@ NEEDED = {
 
 
 @pytest.mark.unmeasured
-@pytest.mark.parametrize("tree", [TREE, SWEEPS], ids=lambda tree: tree.stem)
+@pytest.mark.parametrize(
+    "tree", [TREE, pytest.param(SWEEPS, marks=pytest.mark.costly)], ids=lambda tree: tree.stem
+)
 @pytest.mark.parametrize(("old", "new", "question"), NEEDED.values(), ids=NEEDED)
 def test_the_tree_needs(tmp_path: Path, tree: Path, old: str, new: str, question: str) -> None:
     text = TREE.read_text(encoding="utf-8")

@@ -75,6 +75,7 @@ def test_a_namespace_on_the_command_line_moves_the_robot(ros_context: Any) -> No
     assert process.returncode == 0
 
 
+@pytest.mark.costly
 @pytest.mark.ros
 def test_named_robots_keep_their_namespaces_whatever_that_of_the_command_line_is(ros_context: Any) -> None:
     client = Client(ros_context, namespace="/robot1")
