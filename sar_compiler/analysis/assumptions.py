@@ -236,7 +236,7 @@ def _parse_outcome(document: Document, value: Value, specs: Sequence[NodeSpec]) 
 def _can_return(spec: NodeSpec, status: str) -> bool:
     """Return whether a leaf can return a status.
 
-    A leaf without declared outcomes can return any except SKIPPED.
+    A leaf without declared outcomes can return any status except SKIPPED.
     """
     return status in (spec.statuses or ("SUCCESS", "FAILURE", "RUNNING"))
 

@@ -146,8 +146,8 @@ def conform(
             without other events.
         names: The names of the nodes that ran, in pre-order.
         is_over: Whether the run met its own end condition. If it was stopped or continues, obligations stay pending.
-        earlier: The earlier runs of the same program, which has halted the tree after each. What nodes and the blackboard remember of
-            them is ignored, as an assumption, if one of them is impossible.
+        earlier: The earlier runs of the same program, which has halted the tree after each run. If one of them is impossible, it is assumed
+            that nodes and blackboard keep nothing from these runs.
 
     Raises:
         TreeError: If the properties file does not match the tree; contains the findings.

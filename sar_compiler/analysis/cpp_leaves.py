@@ -26,7 +26,7 @@ LeafClasses = Mapping[str, LeafClass]
 
 
 def possible_classes(simulated: SimulatedTree) -> Iterator[LeafClasses]:
-    """Yield the possible classes of leaves with scripts. One tag is special, or all tags are `THREADED`."""
+    """Yield assumptions about the classes of leaves with scripts: one tag is special, or all tags are `THREADED`."""
     has_while: dict[str, bool] = {}
     for each in pre_order(simulated.root):
         leaf = each.decorated if isinstance(each, Conditions) else None

@@ -1,6 +1,6 @@
 """Merges values that a search need not distinguish.
 
-`analysis.verify.slicing` determines which values these are.
+`analysis.verify.slicing` determines these values.
 """
 
 import math

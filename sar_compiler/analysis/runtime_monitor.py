@@ -310,7 +310,7 @@ class RuntimeMonitor:
     ) -> tuple[tuple[int, Outcome | None], tuple[str, str] | None]:
         """Return the first outcome that is possible now.
 
-        If none is, return the first one and why it is impossible.
+        If no outcome is possible, return the first one and why it is impossible.
         """
         leaf = self._leaves[number]
         try:

@@ -186,7 +186,7 @@ _LANGUAGE = {(each.tag, each.class_path) for each in language.SPECS if each.clas
 def needs_stub(spec: NodeSpec) -> bool:
     """Return whether a node becomes a stub leaf.
 
-    Every leaf becomes one, unless the tree language defines the leaf.
+    Every leaf becomes a stub, except the leaves that the tree language defines.
     """
     return spec.kind.is_leaf and (spec.tag, spec.class_path) not in _LANGUAGE
 
@@ -227,7 +227,7 @@ class SimulatedTree:
         clock: The simulated clock for all durations.
         disputes: A message for each fact for which leaves declare different start values and no file decides.
         by_semantics: The tags and classes of nodes that were replaced by their semantics; see `compile_simulated`.
-        enums: The numbers for which names stand in scripts.
+        enums: The numbers of the named constants in scripts.
     """
 
     compiled: CompiledTree
@@ -374,7 +374,7 @@ class SimulationBuilder(Builder):
     Args:
         binding: The bound tree.
         arguments: Provides the constructor arguments.
-        collector: Receives the errors because of which the tree cannot be created.
+        collector: Receives the errors that prevent the creation of the tree.
         assumptions: Assumptions in addition to the declarations of leaves.
 
     Attributes:
@@ -531,7 +531,7 @@ class _Outputs:
     def with_outputs(
         self, outcomes: list[Outcome], assumed: Mapping[tuple[str, str], tuple[str, ...]]
     ) -> list[Outcome]:
-        """Make outcomes write unknown or assumed values to the entries that the script of no outcome writes.
+        """Make outcomes write unknown or assumed values to the entries that no outcome's script writes.
 
         Args:
             outcomes: The outcomes.
@@ -615,7 +615,7 @@ def match_rank(key: str, path: Sequence[str], tag: str) -> int:
 
 
 def _can_name(keys: Iterable[str], bound: BoundNode) -> bool:
-    """Return whether a key may name a node, because the key's last part is the node's name or tag."""
+    """Return whether the last part of a key is a node's name or tag, so that the key may name the node."""
     return any(key.rpartition("/")[2] in (bound.name, bound.spec.tag) for key in keys)
 
 

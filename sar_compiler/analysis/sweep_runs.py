@@ -199,7 +199,7 @@ def smallest_scenario(runs: ScenarioRuns, seed: int) -> str | None:
         seed: The seed of a run that has failed.
 
     Returns:
-        The text of the scenario file; None if no scenario reproduces the failure, such as if leaves have the same path.
+        The text of the scenario file; None if no scenario reproduces the failure, for example because leaves share a path.
     """
     player = runs.play(seed)
     content = parse_yaml(runs.scenario, runs.path, "").root.data

@@ -169,7 +169,7 @@ class PlayedScenario:
         run: The run of the scenario; None if the scenario is invalid.
         failures: The expectations that were not met.
         problem: The reason why the scenario is invalid.
-        is_finding: Whether the reason is an error in the scenario or a node of unknown behaviour; else an unreadable file.
+        is_finding: Whether the reason is an error in the scenario or a node of unknown behaviour, not an unreadable file.
     """
 
     name: str

@@ -1,8 +1,8 @@
 """Determines the values that a leaf may have written in a recorded run.
 
-A log of BehaviorTree.CPP contains no blackboard. If a condition depends on a key that a leaf writes, the run is compared with the runs in which the leaf
-writes one of the values that the scripts of the tree distinguish. A run that fits is possible, because a leaf may write any value. If none fits,
-nothing is decided.
+A log of BehaviorTree.CPP contains no blackboard. If a condition depends on a key that a leaf writes, the run is compared with the runs in
+which the leaf writes one of the values that the scripts of the tree distinguish. If the run fits one of them, it is possible, because a
+leaf may write any value. If it fits none, nothing is decided.
 """
 
 import re
@@ -55,7 +55,7 @@ def compare_with_written_values(
         compare: Compares the run, given such assumptions.
 
     Raises:
-        UndecidableError: If the run depends on an unknown value, and fits with none of the tried ones; as *compare*.
+        UndecidableError: If the run depends on an unknown value and fits none of the tried values; as for *compare*.
     """
     values = distinguished_values(binding)
     written: dict[tuple[str, str], tuple[str, ...]] = {}

@@ -1,4 +1,4 @@
-"""Announces who sends each operator command and why, and records both in the journal."""
+"""Announces the author and the reason of each operator command, and records them in the journal."""
 
 import time
 from collections import defaultdict, deque
@@ -177,8 +177,8 @@ class RemoteCommandAuthor:
         """Announce the author of a command. When the mission has responded, call *then* to send the command.
 
         No announcement is sent to a node that has no parameter services. The response can be lost if two nodes have just discovered each
-        other. If the announcement is not confirmed, the command is still sent when the author saw no objects. Otherwise the mission might
-        execute the command on an object that has changed, so *refuse* is called with the reason.
+        other. If the announcement is not confirmed, the command is sent only if the author saw no objects. Otherwise *refuse* is called
+        with the reason, because an object may have changed.
         """
         from rclpy.parameter import Parameter
 

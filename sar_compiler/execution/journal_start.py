@@ -51,12 +51,12 @@ class JournalStart:
 
 
 def has_journal_by_default(options: RunOptions, mission: "Mission | None") -> bool:
-    """Return whether a run writes a journal when no option requests or forbids a journal."""
+    """Return whether a run writes a journal by default, without an option that requests or forbids it."""
     return options.sim is not None or (mission is not None and mission.is_resumable)
 
 
 def default_path(options: RunOptions, name: str) -> Path:
-    """Return the default path of the journal for a run whose ROS node has this full name."""
+    """Return the default path of the journal for a run whose ROS node has the full name *name*."""
     from sar_compiler.journal.journal_opening import default_place, delete_old_simulated, simulated_place
 
     if options.sim is None:

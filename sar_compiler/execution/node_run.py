@@ -144,7 +144,7 @@ def _route_check(setup: RunSetup, tree: CompiledTree, world: "World | None") -> 
 def _simulation(
     setup: RunSetup, world: "World | None", faults: Sequence[Fault], executor: "Executor | SteppedExecutor"
 ) -> "Iterator[Simulation | None]":
-    """If a world is simulated, start it, the Nav2 substitute and the mission's servers in this process."""
+    """Start the simulated world, if there is one, with the Nav2 substitute and the mission's servers in this process."""
     if world is None:
         yield None
         return

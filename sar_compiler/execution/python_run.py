@@ -26,7 +26,7 @@ class _NoOutput(RunOutput):
 def run_mission(options: RunOptions, extensions: Sequence[MakeExtension] = ()) -> RunOutcome:
     """Run a mission in this process and return the outcome; only the log of ROS is printed.
 
-    Ctrl-C stops the run gracefully, and the outcome says that the run was stopped. Call this function in the main thread.
+    Ctrl-C stops the run gracefully, and the outcome reports this. Call this function in the main thread.
 
     Args:
         options: The options of the run, such as `sim` for a simulated robot.

@@ -28,7 +28,7 @@ from sar_compiler.ros.signals import StopSignals
 if TYPE_CHECKING:
     from sar_compiler.journal.journal_entries import JournalRun
 
-# Maximum time without a message from a ticking run, which sends a heartbeat every second, in seconds. The second, longer limit applies before
+# Maximum time, in seconds, without a message from a ticking run, which sends a heartbeat every second. The second, longer limit applies before
 # the first heartbeat and while reports are written.
 _SILENCE_SEC, _PATIENCE_SEC = 10.0, 60.0
 _TURN_SEC = 0.2
@@ -46,8 +46,8 @@ def supervise(
     """Run a mission until it ends, resume it after each crash, and return the exit status.
 
     A run has crashed if it was ended by a signal that was not requested, or if it exited with status 3. The supervisor kills a run that
-    sends no heartbeat for 10 s, or that reports lost discovery. The guardian then cancels the run's goals. The next run starts when the
-    goals have ended and the journal is unlocked.
+    sends no heartbeat for 10 s, or that reports the loss of discovery. The guardian then cancels the run's goals. The next run starts when
+    the goals have ended and the journal is unlocked.
 
     Args:
         argv: The command line of a run, with the program.

@@ -336,8 +336,8 @@ class TreeRun:
         for each in self.tree.root.iterate():
             if isinstance(each, RosLeaf):
                 each.require_definition()
-        # No initial pose is sent to a robot by a check, which must not change anything, or by a resumed mission, whose robot is somewhere on its
-        # route. A simulated world always starts over.
+        # A check and a resumed mission send no initial pose to a robot: a check must not change anything, and the robot of a resumed mission is
+        # somewhere on its route. A simulated world always starts over.
         is_resumed = self.setup.journal.is_resumed
         keeps_pose = self._options.check or is_resumed
         sends_pose = self._parameters.set_initial_pose and (not keeps_pose or self.simulation is not None)
@@ -387,8 +387,8 @@ class TreeRun:
     def _execute_run(self) -> int:
         """Tick the tree until the run ends, and record the end in the journal; return the exit status."""
         # The order of the last steps matters. Properties are evaluated before the tree is halted, because halting is not an event of the run. The
-        # end is recorded in the journal last: it includes whether every goal was observed to end, and after a crash before this step the mission
-        # can be resumed.
+        # end is recorded in the journal last: the record states whether every goal was observed to end. After a crash before this step, the
+        # mission can be resumed.
         engine = self.engine
         engine.add_post_tick_handler(self._check_end)
         self._signals.ends_unnoticed = False

@@ -181,7 +181,7 @@ def _changes(data: bytes) -> Iterator[tuple[int, str, int, int]]:
 
 
 def _end_of_earlier_run(changes: Sequence[tuple[int, str, int, int]]) -> int:
-    """Return the number of changes at the start of the first message that belong to the end of an earlier run.
+    """Return the number of changes, at the start of the first message, that belong to the end of an earlier run.
 
     Only this end of the earlier run is known, so it is left out.
     """

@@ -50,8 +50,8 @@ class ImportedRun(NamedTuple):
         changes: The number of status changes.
         ticks: The number of ticks with status changes.
         runs: The number of runs; a halt of the whole tree ends a run.
-        ends: The ends of the runs. The last run has none if the recording ends before the run.
-        unsure: The number of possible tick boundaries that only a pause of ambiguous length decided.
+        ends: The ends of the runs. The last run has no end if the recording ends earlier.
+        unsure: The number of possible tick boundaries that were decided only by a pause of ambiguous length.
         flaws: A sentence for each problem of the recording.
         options: The options that other commands need to read the tree file.
     """

@@ -108,7 +108,7 @@ class JournalWriter:
             return
         end = self.reported_end()
         if end is None:
-            self._end(Ending.STOPPED, 1, "the recording ends before the run")
+            self._end(Ending.STOPPED, 1, "the recording ends before the end of the run")
         else:
             self._recording.flaws.append(_LAST_TICK_MISSING)
             self._end(end.ending, end.status, end.reason)

@@ -3,11 +3,11 @@
 A tick can only end when the tree is settled: each RUNNING control has a RUNNING child, or may return RUNNING without a RUNNING child. If the tree
 is settled, one of these rules decides whether the next change belongs to a new tick:
 
-- The next change is of a node that the tick has already passed, because a tick visits the nodes in order. (A loop that restarts within a tick is
-  not settled in between.) A leaf may change to RUNNING and end within one tick. This is assumed if no leaf with its tag was ever RUNNING while
-  another node changed.
-- The pause before the next change is at least half as long as most pauses at certain boundaries. A pause alone is weak evidence: a leaf may block,
-  the computer may be busy, and two ticks may follow each other without a pause.
+- The next change belongs to a node that the tick has already passed, because a tick visits the nodes in order. (A loop that restarts within
+  a tick is not settled in between.) A leaf may change to RUNNING and end within one tick. This is assumed if no leaf with its tag was ever
+  RUNNING while another node changed.
+- The pause before the next change is at least half as long as most pauses at known boundaries. A pause alone is weak evidence: a leaf may
+  block, the computer may be busy, and two ticks may follow each other without a pause.
 - The root has ended, or the program has halted the tree.
 
 A leaf with its own thread can log its end at any moment, and its parent processes the end in the next tick. Such an end is moved to the change
@@ -40,7 +40,7 @@ _PAUSE_USEC, _LEAST_USEC, _MOST_USEC = 1000, 100, 50_000
 _TRIED = 20_000
 """The number of status changes at the start of the log that are used to estimate the shortest pause."""
 _ENOUGH = 5
-"""The minimum number of certain tick boundaries that are needed to estimate the shortest pause."""
+"""The minimum number of known tick boundaries that are needed to estimate the shortest pause."""
 _NEAR = 3
 """A pause is ambiguous if it differs from the shortest pause by less than this factor."""
 
@@ -99,7 +99,7 @@ class TickFinder:
 
     Attributes:
         skipped: The indices of changes to RUNNING after which the node was skipped, for the ticks yielded so far.
-        unsure: The number of possible tick boundaries that only a pause of ambiguous length decided.
+        unsure: The number of possible tick boundaries that were decided only by a pause of ambiguous length.
     """
 
     def __init__(self, nodes: Sequence[RunNode], recording: Recording) -> None:
@@ -253,13 +253,13 @@ class TickFinder:
     ) -> list[RecordedTick]:
         """Return the ticks that end when the root becomes IDLE and other nodes are reset.
 
-        Return an empty list if this alone does not end a tick.
+        Return an empty list if these changes alone do not end a tick.
 
         Args:
             first: The first change of the tick.
             index: The change of the root.
-            rest: The first of the changes to IDLE up to there; negative for none.
-            behind: The change after those of the other nodes.
+            rest: The first of the changes to IDLE before the root's change; negative for none.
+            behind: The change after the last change that resets another node.
             was: The status of the root before.
         """
         if was != RUNNING or self._ends_next(index):
@@ -296,7 +296,7 @@ class TickFinder:
         return is_over or self._is_restart(index) or (is_settled and self._is_border(index, pause))
 
     def _begins_message(self, index: int) -> bool:
-        """Return whether a change is the first change of a message, because a tick never continues in the next message."""
+        """Return whether a change is the first one of a message, and so of a tick. No tick continues in the next message."""
         messages = self._recording.messages
         return bool(messages) and messages[index] != messages[index - 1]
 
@@ -670,7 +670,7 @@ class TickFinder:
     def _reorder(self, moved: Mapping[int, Sequence[int]], left_out: set[int]) -> None:
         """Insert the changes in *moved* before the given indices, and omit the changes in *left_out*.
 
-        The omitted changes are moved ones at their original positions.
+        The omitted changes are the moved changes at their original positions.
         """
         recording = self._recording
         ordered = Recording(recording.form, recording.began)
@@ -727,7 +727,7 @@ class TickFinder:
         return uid == parent or is_reset or leaf <= uid < self._ends[parent]
 
     def _needs_end(self, index: int, parent: int, end: int, was: Sequence[int]) -> bool:
-        """Return whether a Parallel can have ended only because a certain leaf had ended.
+        """Return whether a Parallel can have ended only because the given leaf had ended.
 
         The Parallel resets its children from the change *index* on; the leaf ends at the change *end*.
         """
@@ -742,7 +742,7 @@ class TickFinder:
         )
 
     def _was_noticed(self, index: int, parent: int, end: int, was: Sequence[int]) -> bool:
-        """Return whether a parent processed the end of a leaf before a certain change, and did not halt the leaf instead.
+        """Return whether a parent processed the end of a leaf before a given change, and did not halt the leaf instead.
 
         *index* is the index of the change, and *end* is the index of the leaf's end.
         """
@@ -853,7 +853,7 @@ class TickFinder:
     def _paused_before(self, uid: int) -> list[int]:
         """Return the nodes that returned RUNNING in this tick, and that the next tick skips if the given node changes.
 
-        If a later sibling of theirs, or a descendant of it, is ticked, their parent has passed them.
+        If a later sibling of such a node, or a descendant of this sibling, is ticked, the parent has passed the node.
         """
         found: list[int] = []
         while parent := self._parents[uid]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rclpy.timer import Timer
 
 
-# If more time passes between two turns of the executor, the process is assumed to have been suspended, in seconds.
+# The maximum time between two turns of the executor, in seconds. If more time passes, the process is assumed to have been suspended.
 _STANDSTILL_SEC = 2.0
 # Grace time after a suspension, in seconds, in which other nodes can be discovered again: participants of Fast DDS announce themselves every three
 # seconds.
@@ -176,9 +176,9 @@ class NodeTime:
 class ClockedTime:
     """Counts the awake time during which a node's clock advances.
 
-    This time is for deadlines of programs that stop when the clock stops.
+    Use this time for deadlines of programs that stop when the clock stops.
 
-    Without simulated time, this is the whole awake time.
+    Without simulated time, all awake time is counted.
 
     Args:
         node: The node.

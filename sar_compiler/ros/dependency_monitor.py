@@ -168,8 +168,8 @@ _PERIOD_SEC = 0.5
 # Maximum time, in seconds, for which Nav2 may be inactive without a report, and for which a new localisation may publish nothing. A node that does
 # not respond is reported at once, after the 2 s in which it should have responded.
 _LOST_SEC = 2.0
-# Time without a response from any Nav2 node, in seconds, after which discovery is lost: for nodes that have never sent anything to this process, and
-# for other nodes, whose process may have crashed. A crashed process leaves the graph earlier.
+# Times without a response from any Nav2 node, in seconds, after which discovery is lost: the first for nodes that have never sent anything to
+# this process, the second for other nodes, whose process may have crashed. A crashed process leaves the graph earlier.
 _DEAF_SEC, _DEAD_SEC = 4.0, SHADOW_SEC + 8.0
 _REMEDY = "Restart the run with --resume, which continues the mission from the journal. The option --supervise does this automatically"
 # Time for which Nav2's lifecycle manager tries to restart a crashed node, in seconds (bond_respawn_max_duration). After that, a person must

@@ -227,8 +227,8 @@ def stop_leaves(behaviours: Iterable[Behaviour], node: Node | None) -> None:
 def send_cancels(root: Behaviour, node: Node | None) -> None:
     """Stop a tree's leaves while the executor's thread is blocked, so that the leaves cancel their goals.
 
-    Call this function from another thread. It does not wait for the responses. It first stops the leaves that may still have work in
-    progress afterwards.
+    Call this function from another thread. It does not wait for the responses. It first stops the leaves whose work may continue after a
+    stop.
     """
     leaves = [each for each in root.iterate() if not each.children]
     for leaf in sorted(leaves, key=lambda each: not isinstance(each, SettlingLeaf)):

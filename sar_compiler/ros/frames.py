@@ -204,7 +204,7 @@ class FrameTree:
         now = node_sec(self._node)
         at = _FrameTransform(frame, Transform(), math.inf, -math.inf, now)
         ancestors = {frame: at}
-        # A transform that arrived after the current time is from before the clock restarted, as a simulator's clock does.
+        # If a transform has arrived after the current time, the clock has gone back since, for example because a simulator was restarted.
         while (above := self._received.get(at.parent)) is not None and above.came_sec <= now:
             if above.parent in ancestors:  # the frames form a cycle
                 break

@@ -33,8 +33,8 @@ class PolledService:
         deadline_sec: The maximum wait for a response, in seconds.
         known_at: The time, in seconds of awake time, at which the query of the latest response was sent or an unanswered query was
             abandoned; minus infinity before the first of these events.
-        silent_since: The time, in seconds of awake time, since which queries have received no response: when the first of them was sent.
-            None if the latest query received a response.
+        silent_since: The time at which the first of the latest queries without a response was sent, in seconds of awake time; None if the
+            latest query received a response.
         answered_at: The time of the latest response, in seconds of the steady clock.
     """
 

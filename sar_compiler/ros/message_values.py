@@ -42,8 +42,8 @@ _PLANAR_VARIANCES = (0, 7, 35)
 _APART_SEC, _SIMULATED_APART_SEC = 2.0, 30.0
 # If a time stamp differs by more from the node's clock, in seconds, the publisher uses another clock.
 _ANOTHER_CLOCK_SEC = 86_400.0
-# A problem is reported again if it has not occurred for the first time, in seconds. A stale time stamp is only reported if the problem persists
-# for the second time, because after a suspension this process first receives older messages.
+# A problem is reported again if it recurs after the first of these times, in seconds. A stale time stamp is only reported if it persists for the
+# second time, because after a suspension this process first receives older messages.
 _AGAIN_SEC, _STAYS_SEC = 60.0, 1.0
 
 

@@ -20,8 +20,8 @@ _CONTROLLER = "controller_server"
 # The nodes that send velocity commands, in the order in which commands pass through them.
 _DRIVERS = (_CONTROLLER, "behavior_server", "velocity_smoother", "collision_monitor", "docking_server")
 _TIMEOUTS = ("default_server_timeout", "wait_for_service_timeout")
-# A timeout below the first value causes advice to set the second value, in milliseconds. On a busy computer, Nav2's nodes acknowledge goals of
-# other Nav2 nodes within the first time.
+# For a timeout below the first value, the advice is to set the second value, in milliseconds. On a busy computer, Nav2's nodes acknowledge goals
+# of other Nav2 nodes within the first time.
 _LEAST_TIMEOUT_MS, _ADVISED_TIMEOUT_MS = 500, 1000
 _STAMPED = "enable_stamped_cmd_vel"
 _ODOMETRY = "odometry/filtered"

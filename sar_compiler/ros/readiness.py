@@ -200,7 +200,7 @@ class LocalisationCheck(Requirement):
         return True
 
     def _must_wait_for_pose(self, now: float) -> bool:
-        """Return whether to wait until the pose is known, and the robot to which the received transforms belong."""
+        """Return whether to wait longer until the pose, and the robot that publishes the transforms, are known."""
         if not self._robot.is_localised:
             return False
         is_placed = self._robot.last_pose() is not None
@@ -448,7 +448,7 @@ class Readiness:
             )
             self._closing.append(self._localised)
             self._steps.append((_POSITION, self._localised.poll))
-        # The state is queried until all requirements are fulfilled, because the node may become inactive before.
+        # The state is queried until all requirements are fulfilled, because the node may become inactive again.
         self._steps.append((_POSITION, robot_estimate(self.node).lifecycle(localizer).poll))
         self._closing.append(Nav2Check(self.node, navigator, tells_pose=initial_pose is not None))
         self._steps.append(("navigation", self._closing[-1].poll))

@@ -255,7 +255,7 @@ class RobotEstimate:
             self._transform_clocked_at, self._transform_at_sec = self._clocked.now(), node_sec(self._node)
 
     def _is_of_another_robot(self, message: bytes) -> bool:
-        """Return whether transforms belong to another robot, because this robot's frames appear only in other messages."""
+        """Return whether a message with transforms belongs to another robot: this robot's frames appear only in other messages."""
         is_own = not {*child_frames(message)}.isdisjoint(filter(None, self._frames))
         self._has_own_transforms = self._has_own_transforms or is_own
         return self._has_own_transforms and not is_own

@@ -53,7 +53,7 @@ class Board:
         is_numbered: Whether the entries store numbers that stand for values, instead of the values; see `NumberedBoard`.
         stamps: The number of writes of each existing entry, by absolute name.
         kinds: The type of each declared entry, by absolute name; None if the entry may have any type. A declared entry may not exist yet.
-            `stamps` and `kinds` are never replaced, because compiled scripts have these dictionaries as arguments.
+            `stamps` and `kinds` are never replaced, because compiled scripts hold references to these dictionaries.
     """
 
     def __init__(self, name: str) -> None:
@@ -127,7 +127,7 @@ class Board:
         return {name[begin:]: self.get(name) for name in self.names()}
 
     def watch_entry(self, name: str) -> None:
-        """Start to count the writes to an entry, because the behaviour of a node depends on this number."""
+        """Start counting the writes to an entry, for a node whose behaviour depends on the count."""
         self._watched.add(name)
 
     def memo(self, entries: "Sequence[Entry]") -> "Memo | None":  # noqa: ARG002 - used by numbered boards
@@ -147,7 +147,7 @@ class Entry(NamedTuple):
         board: The board that contains the entry.
         name: The absolute name of the entry.
         key: The key as written in the tree file.
-        passed_on: Whether a remapping leads from the key to an entry of an outer tree.
+        passed_on: Whether the key is remapped to an entry of an outer tree.
     """
 
     board: Board
@@ -167,7 +167,7 @@ class Entry(NamedTuple):
 
     @property
     def kind(self) -> type | None:
-        """The declared type (`bool`, `int`, `float` or `str`). Strings are converted to it. None if undeclared."""
+        """The declared type (`bool`, `int`, `float` or `str`), to which strings are converted; None if undeclared."""
         return self.board.kind_of(self.name)
 
     @property
@@ -247,7 +247,7 @@ class Scope:
         """Return the entry to which a key refers in this scope."""
         scope, name = self.owner(key)
         folder = scope._folder
-        # A slash in a key must not lead to the entries of a subtree.
+        # A key with a slash must not access the entries of a subtree.
         passed_on = scope is not self and not key.startswith(ROOT_SIGN)
         return Entry(self.board, f"{folder}/{name.replace('/', STROKE)}", key, passed_on)
 

@@ -16,8 +16,8 @@ class Breakpoints:
 
     Args:
         log: Called with messages about breakpoints, in the thread that ticks the tree.
-        patience_sec: The time without a call of `keep_alive`, in seconds of the steady clock, after which breakpoints
-            have no effect, because a closed browser must not block a robot's tree.
+        patience_sec: Breakpoints have no effect after this time without a call of `keep_alive`, in seconds of the
+            steady clock. A closed browser must not block a robot's tree.
 
     Attributes:
         held_at: The behaviour at which a tick waits; None if no tick waits.

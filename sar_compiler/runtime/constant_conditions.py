@@ -37,15 +37,15 @@ _OF_EQUALS = {"==": 1, "<=": 1, ">=": 1, "!=": 0, "<": 0, ">": 0}
 
 
 def constant_truth(script: Script) -> bool | None:
-    """Return whether a condition is always true or always false; None if this depends on its variables.
+    """Return True if a condition is always true, False if it is always false, and None otherwise.
 
     Args:
         script: The condition.
 
     Returns:
-        The truth; None if it depends on the values, or if the condition assigns a variable or always raises an error.
+        True or False; None if the result depends on the variables, or if the condition assigns a variable or always raises an error.
     """
-    # Most scripts need no evaluation, and a cache lookup takes longer than this check.
+    # This quick check answers most calls, and is faster than a lookup in the cache of `_sampled_truth`.
     if not script.statements or _is_decided_by_a_value(script):
         return None
     return _sampled_truth(script)

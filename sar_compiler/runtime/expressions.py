@@ -221,7 +221,7 @@ def _uses(expression: Expression, *, certain: bool) -> Iterator[NameUse]:
 
 
 def _always_evaluated(expression: Expression, parts: int) -> int:
-    """Return how many parts of an expression are always evaluated. These are the first parts."""
+    """Return the number of leading parts of an expression that are always evaluated."""
     if isinstance(expression, Conditional):
         return 1
     if isinstance(expression, ComparisonChain):

@@ -8,7 +8,7 @@ from typing import Any
 from sar_compiler.errors import UndecidableError
 
 PLAIN = (bool, int, str, bytes, type(None))
-"""The types of immutable values. Such a value is not copied, but stored together with its type."""
+"""The types of immutable values. A frozen copy contains the value itself, together with its type."""
 # The types other than dictionaries that are copied item by item.
 _COLLECTIONS = (list, tuple, deque, set, frozenset)
 _NAN = "nan"
@@ -21,8 +21,8 @@ class FrozenValueError(UndecidableError):
 def freeze(value: object) -> Hashable:
     """Return a hashable copy of a value. Equal values of the same type have equal copies.
 
-    Lists, tuples, sets, dictionaries and deques are copied with their content. Other values are not copied. Such values must not be changed
-    in place while states are compared.
+    Lists, tuples, sets, dictionaries and deques are copied with their content. Other values are not copied, and must not be changed in
+    place while states are compared.
 
     Raises:
         FrozenValueError: If the value cannot be hashed.
@@ -67,6 +67,6 @@ def thaw(frozen: Any) -> Any:
 
 
 def can_change(value: object) -> bool:
-    """Return whether `freeze` copies a value because the value can be changed in place."""
+    """Return whether a value can be changed in place, so that `freeze` must copy it."""
     kind = type(value)
     return kind is dict or (kind in _COLLECTIONS and kind is not frozenset)

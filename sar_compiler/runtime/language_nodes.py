@@ -55,7 +55,7 @@ class _ScriptLeaf(Behaviour):
             self._quick = self.script.fast_update(_SUCCESS, _FAILURE if self.is_condition else None)
         quick = self._quick
         if quick is not None:
-            # Not if a subclass or another wrapper has replaced this method.
+            # The method stays if a subclass or another wrapper has replaced it.
             if type(self).update is _ScriptLeaf.update and "update" not in vars(self):
                 setattr(self, "update", quick)  # noqa: B010 - for the type checker
             return quick()

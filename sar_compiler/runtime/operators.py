@@ -114,7 +114,7 @@ def _are_equal(left: Any, right: Any) -> bool:
     return bool(left == right if isinstance(left, str) else abs(left - right) <= EPSILON)
 
 
-# An order is true unless the opposite order is true, which makes a difference only for NaN.
+# `<`, `>`, `<=` and `>=` are the negations of the opposite comparisons. This makes a difference only for NaN.
 _COMPARISONS: Mapping[str, Callable[[Any, Any], bool]] = {
     "==": _are_equal,
     "!=": lambda left, right: not _are_equal(left, right),

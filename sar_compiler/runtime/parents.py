@@ -4,8 +4,7 @@ The classes of py_trees do not support SKIPPED, and keep the statuses of ended c
 from this module use the outcome of a child's tick, and reset children like BehaviorTree.CPP: a running child is halted, and an ended child
 only loses its status.
 
-The node class in the kernel (`node_class`) defines the effect of a tick and of a halt. This is the case for ticks by py_trees as well as by
-the kernel.
+The node class in the kernel (`node_class`) defines the effect of a tick and of a halt, whether py_trees or the kernel requests it.
 """
 
 from collections.abc import Callable, Hashable, Iterator
@@ -24,10 +23,10 @@ if TYPE_CHECKING:
 
 
 class Children(list[Behaviour]):
-    """A list of the children of a behaviour. All lists of this class together count their changes.
+    """A list of the children of a behaviour. The class counts the changes of all its instances.
 
     Attributes:
-        changes: The number of changes of all lists of this class so far.
+        changes: The number of changes of all instances so far.
     """
 
     changes: ClassVar[int] = 0

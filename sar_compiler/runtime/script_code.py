@@ -47,7 +47,7 @@ _ARITHMETIC: Mapping[str, Callable[[], ast.operator]] = {
     "/": ast.Div,
 }
 _JUNCTIONS: Mapping[str, Callable[[], ast.operator]] = {"&&": ast.BitAnd, "||": ast.BitOr}
-# An order is the negation of the opposite order, so that every order is true for NaN, as in `operators.compare`.
+# Each order comparison is the negation of the opposite one, so it is true for NaN, as in `operators.compare`.
 _DENIED: Mapping[str, Callable[[], ast.cmpop]] = {"<": ast.GtE, ">": ast.LtE, "<=": ast.Gt, ">=": ast.Lt}
 _COMPARISONS = frozenset(("==", "!=", *_DENIED))
 # The names in the generated code of functions that accept any values, by operator.
@@ -69,8 +69,8 @@ def compile_fast_script(
         entry: Function that returns the entry to which a name refers.
         enums: The named constants.
         usual: The functions of `evaluation` for the script's statements.
-        condition: Function that converts the value of a condition to a bool; None if the script is no condition.
-        answers: The result to return for true (or for any value, if the script is no condition), and the result to return for false.
+        condition: Function that converts the value of a condition to a bool; None if the script is not a condition.
+        answers: The results to return for true and for false. A script that is not a condition always returns the first result.
     """
     if len(script.text) > _LONGEST:
         return None

@@ -47,7 +47,7 @@ class ScopeVariables:
     Args:
         scope: The scope of the script's node.
         enums: The named constants.
-        named: Entries by special names, for keys that scripts cannot contain.
+        named: Entries whose keys scripts cannot contain, by the names that replace the keys.
     """
 
     def __init__(self, scope: Scope, enums: Enums, named: Mapping[str, Entry] | None = None) -> None:
@@ -189,7 +189,7 @@ class NodeScript:
         return self._explain(self._current_program().as_condition, value)
 
     def _recall(self, run: Callable[[Program, ScopeVariables], T]) -> T:
-        """Return the result of the script. Reuse a cached result for the same values if the board allows this."""
+        """Return the result of the script. Reuse a cached result for the same values if the board has a cache."""
         if self._code.entry is not None or self.is_remembered:
             return self._run_or_explain(run)
         if run not in self._memos:

@@ -240,7 +240,7 @@ def _wrong_quotes(text: str, start: int) -> ScriptError:
 def _wrong_dot(text: str, position: int) -> ScriptError:
     match = _DOTTED.match(text, position)
     end = match.end() if match else position + 1
-    # A name is searched only as far back as a message would show it.
+    # Search the start of the name only as far back as the message would show it.
     before = re.search(_WORD_BEFORE, text[max(0, position - _LONGEST_EXCERPT) : position])
     if before:
         start = position - len(before.group())

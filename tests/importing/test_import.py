@@ -678,7 +678,7 @@ def test_a_recording_that_ends_before_the_run_is_no_crash(tmp_path, capsys):
     write_bag(bag, nav2_messages()[0])
     journal = import_log(bag, tmp_path, "--tree", str(NAV2 / "goals.xml"))
     _, said = answer(journal_command, ["why", journal], capsys)
-    assert said.startswith("stopped: the recording ends before the run")
+    assert said.startswith("stopped: the recording ends before the end of the run")
 
 
 def test_a_recording_that_begins_in_the_middle_of_a_run_is_reported(tmp_path, capsys):

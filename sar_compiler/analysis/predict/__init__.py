@@ -188,10 +188,10 @@ def _predict_searched(
 
 
 def _require_few_ticks(simulated: SimulatedTree, period_sec: float) -> None:
-    """Raise an error if a duration is too many ticks long. The search has a state for each remaining tick.
+    """Raise an error if a duration takes too many ticks, because the search has a state for each remaining tick.
 
     Raises:
-        UndecidableError: If a time takes too many ticks.
+        UndecidableError: If a duration takes too many ticks.
     """
     for name, seconds in _times(simulated):
         if seconds / period_sec > _MOST_TICKS:

@@ -74,7 +74,7 @@ class EndTick(NamedTuple):
 class ProbabilityGraph:
     """The graph of states that a search has found, with the probability of each step.
 
-    Ticks that need an unknown value have the remaining probability of their outcome.
+    The graph has no steps for ticks that need an unknown value. Steps with the missing probability are added for them.
 
     Args:
         graph: The states and steps; `going_on` of a step's waits contains the number of a weight.
@@ -271,7 +271,7 @@ class ProbabilityGraph:
 
         Args:
             goal: For each state, whether it is a goal.
-            best_for: The states for which unknown probabilities are chosen as bad and as good as possible.
+            best_for: The states that the chosen unknown probabilities make least and most probable.
         """
         found = [
             self._expected_value(self._place_flags(goal), probabilities)

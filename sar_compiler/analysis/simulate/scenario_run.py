@@ -476,7 +476,7 @@ def _end_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
 
 
 def _order_mismatches(run: ScenarioRun) -> Iterator[tuple[str, str]]:
-    """Yield the first expected event that does not happen after the expected event before it in the list."""
+    """Yield the first expected event that does not happen after its predecessor in the list."""
     events = run.events
     before: EventPattern | None = None
     for pattern in run.scenario.expect.order:

@@ -1,6 +1,6 @@
 """Automata that replace branches below parallel nodes.
 
-They describe only the results of a branch's ticks.
+An automaton describes only the results of a branch's ticks.
 
 A branch below a parallel node that shares nothing with the rest of the tree is first ticked on its own (`AloneNode`).
 The results of its ticks, which are all that its parent observes, form an `Automaton`. A `BranchNode` then plays the
@@ -41,12 +41,12 @@ class Automaton(NamedTuple):
 
 
 class BranchDeed(NamedTuple):
-    """The result that a branch replaced by an automaton has in a tick.
+    """The result of a tick of a branch that an automaton replaces.
 
     Attributes:
         number: The index of the branch in the tree.
-        first: The number of choices in the tick before the branch was ticked.
-        behind: The number of choices in the tick after the branch was ticked.
+        first: The number of choices that the tick had made before it reached the branch.
+        behind: The number of choices that the tick had made when it left the branch.
         result: The result.
     """
 

@@ -9,7 +9,7 @@ class Choices:
     Each combination is like a number with a digit per choice.
 
     Each time the tick, or the rest of it, is played again, its nodes call `pick`. The calls return the options of the
-    current combination. After the end of the combination they return the first option. This is right only if the same
+    current combination. After the end of the combination they return the first option. This requires that the same
     options always lead to the same further choices, which `pick` checks.
     """
 

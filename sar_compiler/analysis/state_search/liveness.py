@@ -2,19 +2,19 @@
 
 There are finitely many states, so an endless run stays in one strongly connected component from some tick on. But not
 every component can contain an endless run. The search allows a leaf to return RUNNING forever and a timer never to
-expire, which does not happen on a robot, and because of which no run could be proved to end. So only *fair* runs are
+expire. Neither happens on a robot, and with such runs nothing could be proved to end. So only *fair* runs are
 considered, in which everything that the run waits for eventually happens. A run waits for a leaf or timer if one
 activation of it lasts through a whole tick. A run does not wait for a leaf that is halted and restarted in each tick: a
-reactive branch that restarts its leaf forever is a true livelock, which users want to find most often. A run does not
-wait for a leaf that fails on every attempt either, because nothing guarantees that the leaf ever succeeds.
+reactive branch that restarts its leaf forever is a true livelock, which users want to find most often. Nor does a run
+wait for a leaf that fails on every attempt, because nothing guarantees that the leaf ever succeeds.
 
 Why one check of each component is enough: every leaf and timer has a bit, which is set in the ticks that wait for it. A
 run is unfair if from some tick on one bit is set in every tick. So a fair run stays in a component if, for each bit,
 ticks without the bit occur repeatedly. That is the acceptance condition of a generalised Buechi automaton, with one set
 of *ticks* for each bit. In a strongly connected component the condition can be met if and only if every bit is missing
 in some tick of the component, because one loop can contain all ticks. So `is_fair` searches for bits that are set in
-all ticks of the component. If there is such a bit, every run that stays in the component waits for it forever. So does
-a run that stays in a part of the component, in which only more bits are set. So no component is split further.
+all ticks of the component. If there is such a bit, every run that stays in the component waits for it forever. In a
+part of the component, even more bits may be set in all ticks, but not fewer. So no component is split further.
 
 This is weak fairness. Strong fairness ("repeated attempts eventually succeed") would promise more than a robot
 achieves: a goal beyond a wall is tried forever and never reached. It would also hide the livelock of a robot that
@@ -31,8 +31,8 @@ is easier to understand. Ends are excluded from the components, because the run 
 end lead to another end is decided separately.
 
 Why an unexplored state is treated as a state from which a run can end: the search may have stopped early. Then nothing
-is proved, which the verdict says, but a loop that was found is real. Unexplored states must not create a loop that may
-not exist.
+is proved, and the verdict says so. But a loop that was found is real, so unexplored states must not create a loop that
+may not exist.
 
 Why a counterexample is searched separately: the loop that is shown to the user should be short, but a shortest loop
 back to a state may be unfair, since waiting for one leaf forever is the shortest loop. `_round` searches over states
@@ -131,7 +131,7 @@ _NEW: Final = 0
 def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
     """Yield the strongly connected components of a graph.
 
-    The components reachable from one are yielded before it.
+    A component is yielded after the components that are reachable from it.
 
     This is Tarjan's algorithm in Pearce's form ("A space-efficient algorithm for finding strongly connected
     components", Information Processing Letters 116, 2016), which needs one number for each place. A recursion would be
@@ -252,8 +252,8 @@ class _DepthFirst:
 def is_fair(graph: Graph, component: list[int]) -> bool:
     """Return whether a fair run can stay in a component forever.
 
-    It can if there is no leaf or timer for which every tick in the component waits, because in a strongly connected
-    component one loop can contain all ticks. Otherwise every loop waits for that leaf or timer, so no run can stay.
+    It can unless every tick in the component waits for the same leaf or timer, because in a strongly connected
+    component one loop can contain all ticks. If every tick waits for it, so does every loop, and no fair run can stay.
 
     The ticks may be too many to enumerate. So each step is visited once, states first, with the three possible records
     of each bit in the ticks up to the step.

@@ -1,7 +1,7 @@
 """Search nodes for leaves and timers with known probabilities and times.
 
 Why time is part of the state: a leaf that runs for forty seconds below a Timeout of a minute always ends in time. A
-probability for each tick could not express this, because it does not depend on how long the leaf has run. So the number
+probability for each tick could not express this, because it would not depend on how long the leaf has run. So the number
 of remaining ticks (`TicksLeft`) of each running leaf and timer is stored in a cell.
 
 Why a leaf chooses its outcome and duration when it starts: later choices would require the distribution of the leaf's

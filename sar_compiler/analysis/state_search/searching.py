@@ -73,8 +73,8 @@ class Stepper:
     Attributes:
         state: The state after the last step that ended a tick; None if the tick raised an error.
         waits: The effect of the last step on the waits.
-        broken: The rules that were violated by the tick that the last step ended, as bits.
-        error: The error that this tick raised; None if it raised no error.
+        broken: The rules that the last ended tick violated, as bits.
+        error: The error that the last ended tick raised; None if it raised no error.
         middle: The intermediate state to which the last step led.
         left: The number of intermediate states that were left last.
         middles: The intermediate states that were left recently.
@@ -306,8 +306,8 @@ class _Exploration:
         """Judge a state again when all ticks from this state are known.
 
         Whether a state is idle depends on its ticks, and whether a run ends in the state may depend on whether it is
-        idle. The ticks are not known when the state is found, so it is judged twice. Until then its end is not needed,
-        since `liveness` runs after the search.
+        idle. The ticks are not known when the state is found, so the state is judged twice. The first judgement need
+        not be final, since `liveness` runs after the search.
         """
         graph = self._graph
         judgement = self._stepper.judge(state, idle)

@@ -167,8 +167,8 @@ class StubNode(ChoosingNode):
         numbers = leaves.numbers
         self._started = numbers[id(leaf), STARTED, id(None)]
         self._halted = numbers[id(leaf), HALTED, id(None)]
-        # The statuses are tried in reverse order. Leaves declare failures after successes, so that of runs of equal
-        # length the runs with failures are found first, which are easier to read.
+        # The statuses are tried in reverse order. Leaves declare failures after successes. So among runs of equal
+        # length, the runs with failures are found first, which are easier to read.
         ranks = {
             status: rank for rank, status in enumerate(dict.fromkeys(each.status for each in leaf.outcomes))
         }
@@ -184,7 +184,7 @@ class StubNode(ChoosingNode):
     def branch_count(self, ticker: Ticker) -> int:  # noqa: ARG002
         """Return the number of possible outcomes, or 1 if a condition raises an error.
 
-        The tick raises it again.
+        The tick then raises the same error.
         """
         try:
             return len(self._possible())

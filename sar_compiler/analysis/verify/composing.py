@@ -198,8 +198,8 @@ class BranchArrangement:
 
     def _joined_neighbours(self, parallel: Behaviour, run: list[Branch]) -> list[Branch]:
         """Join neighbouring branches below a parallel node into as few branches as possible."""
-        # A run that does not begin with the first child is joined from the last child backwards. So joined branches are
-        # reused if only the branch before the run differs.
+        # A row that does not begin with the first child is joined from the last child backwards. So joined branches are
+        # reused if only the branch before the row differs.
         is_first = run[0].root is parallel.children[0]
         found: list[Branch] = []
         for branch in run if is_first else reversed(run):
@@ -254,7 +254,7 @@ class ComposedSpace(StateSpace):
         stem = len(wanted) - loop
         for each in wanted[:stem]:
             run.play_tick(each)
-        # The original tree may need several rounds to return to a state.
+        # The original tree may need several rounds of the loop to return to a state.
         known: dict[object, int] = {}
         while loop and run.position not in known:
             known[run.position] = len(run.ticks)

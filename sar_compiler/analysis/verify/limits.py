@@ -42,7 +42,7 @@ def find_limits(simulated: SimulatedTree, known: Collection[str]) -> set[str]:
 def spending_conditions(simulated: SimulatedTree, limits: Collection[str]) -> set[int]:
     """Return the conditions of a tree that decrease limits, by leaf number.
 
-    If such a condition finds the same situation in consecutive ticks, such as a pause, the situation has happened once.
+    If such a condition finds the same situation in consecutive ticks, such as a pause, this counts as one event.
 
     Args:
         simulated: The tree with stub leaves.

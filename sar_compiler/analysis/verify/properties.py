@@ -118,7 +118,7 @@ class Condition:
         """Return whether the condition holds now, during a tick.
 
         Raises:
-            ConditionError: If it cannot be evaluated, because a key has no value yet or a value of the wrong type.
+            ConditionError: If it cannot be evaluated, because a key has no value yet or has a value of the wrong type.
         """
         if self._memo is None:
             return self._holds()

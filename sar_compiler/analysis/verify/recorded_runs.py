@@ -63,7 +63,7 @@ def recorded_ticks(record: Iterable[Event]) -> Iterator[LoggedTick]:
 
 
 class ObservedPrefix(NamedTuple):
-    """The statuses and labels that a record contains for each node, up to a certain tick.
+    """The statuses and labels that a record contains for each node, up to the end of a tick.
 
     Attributes:
         statuses: The last status of each node, by node number; empty for an idle node.
@@ -94,7 +94,7 @@ def _is_same(outcome: Event, status: str, label: str | None) -> bool:
 
 
 class PossibleTick(NamedTuple):
-    """A tick that is possible in a certain state.
+    """A possible tick of a state.
 
     Attributes:
         outcomes: The outcomes of leaves in the tick.
@@ -540,7 +540,7 @@ class TreeRuns:
         The program has halted the tree after each earlier run.
 
         Raises:
-            UndecidableError: As `locate`.
+            UndecidableError: As for `locate`.
         """
         begin = self.starts
         for record in earlier:
@@ -578,9 +578,9 @@ class TreeRuns:
         return frozenset(found)
 
     def _find_later_matches(self, position: "_RecordPosition", tick: Sequence[Event]) -> list[_Matches]:
-        """Assume that the record omits unchanged ticks.
+        """Find matches for a recorded tick that follows ticks without changes, which the record omits.
 
-        Return their matches and those of the tick, or an empty list.
+        Return the matches of the omitted ticks and of the tick, or an empty list.
         """
         end = Event(tick[-1].path, 0, TICKED, position.observed.statuses.get(0, ""))
         now, steps = position, list[_Matches]()

@@ -66,10 +66,10 @@ class ScriptFlows:
     """The ways in which scripts read and write blackboard entries.
 
     Args:
-        enums: The numbers for which names stand in scripts.
+        enums: The numbers of the named constants in scripts.
 
     Attributes:
-        fixed: The entries with any use that is not one of the uses below.
+        fixed: The entries that are also used in a way that is not listed below.
         tests: The comparisons of entries with constants, each as an entry and a constant.
         flows: The assignments of an entry plus a constant, each as a target, a source and a constant.
         results: The assignments of other values, each as a target and a value.

@@ -195,7 +195,7 @@ class _Solution:
     def _require(self, name: str, above: float, below: float) -> bool:
         """Require that the values of an entry between two bounds are distinguished.
 
-        Return whether this was not known.
+        Return whether this requirement is new.
         """
         above = above if above <= _LARGEST_LIMIT else math.inf
         below = below if below >= -_LARGEST_LIMIT else -math.inf

@@ -30,9 +30,9 @@ from sar_compiler.runtime.clock import clock_text
 _NAV2 = "nav2_msgs."
 # The maximum pause between two attempts, as a multiple of the first pause.
 _LONGEST_PAUSE = 8.0
-# The number of consecutive goals that failed for reasons other than the goal from which on the leaf holds.
+# The leaf holds after this number of consecutive goals that failed for reasons other than the goal itself.
 _HOLDS_AT = 3
-# A robot that has driven this distance on a goal, in metres, makes progress, which ends the row of failures.
+# If a robot has driven this distance on a goal, in metres, it makes progress, and the failures are counted from 0 again.
 _PROGRESS_M = 0.5
 # Maximum time, in seconds, by which Nav2 may log the reason for the end of a goal before or after this end.
 _REASON_BEFORE_SEC, _REASON_AFTER_SEC = 1.0, 0.3
@@ -44,20 +44,20 @@ class ActionLeaf(GoalSender):
     If the leaf is interrupted, the goal is cancelled, even if the server has not accepted it yet. Responses to an
     earlier goal never affect a later goal.
 
-    If a goal fails for a reason that is not the goal's own, the leaf stays RUNNING, waits, and sends the goal again. This
-    applies while a goal of another client, or a goal of `rivals`, is active. If the leaf uses `Use.nav2()`, this also applies if there is
-    no server, the server does not accept the goal in time or is silent, a node of Nav2 is inactive or does not respond, or transforms have
-    stopped. After `hold_timeout_sec`, the leaf calls `on_unavailable`. If two attempts in a row were rejected or aborted at once, the leaf
-    pauses before the next attempt, even if the tree starts it again.
+    If a goal fails for a reason other than the goal itself, the leaf stays RUNNING, waits, and sends the goal again. This applies while a
+    goal of another client, or a goal of `rivals`, is active. If the leaf uses `Use.nav2()`, this also applies if there is no server, the
+    server does not accept the goal in time or is silent, a node of Nav2 is inactive or does not respond, or transforms have stopped. After
+    `hold_timeout_sec`, the leaf calls `on_unavailable`. If two attempts in a row were rejected or aborted at once, the leaf pauses before
+    the next attempt, even if the tree starts it again.
 
     A navigation goal that has succeeded does not prove that the robot has arrived. If the localisation places the robot farther from the
     goal than the run's `arrival_tolerance_m`, the robot has not arrived (`has_not_arrived`). If the localisation provides no pose, a
     succeeded goal counts as an arrival.
 
-    When the robot has not arrived, or Nav2 aborts a goal without an error code (0), the target is not the cause, because every failure
-    that the target causes has an error code. A leaf that uses Nav2 then calls `on_hold`, and sends the goal again after a pause. The pause doubles with each such failure in a row. From the third failure on, the leaf tries for at most
-    `hold_timeout_sec`, and then calls `on_unavailable`. The count of failures starts again when the robot has driven half a metre on a
-    goal, or a goal has ended in another way.
+    Every failure that the target of a goal causes has an error code. So the target is not the cause if the robot has not arrived, or if
+    Nav2 aborts a goal without an error code (0). A leaf that uses Nav2 then calls `on_hold`, and sends the goal again after a pause. The
+    pause doubles with each such failure in a row. From the third failure on, the leaf tries for at most `hold_timeout_sec`, and then calls
+    `on_unavailable`. The count starts again when the robot has driven half a metre on a goal, or a goal has ended in another way.
 
     The end of a goal does not prove that the robot stands still. A leaf that uses Nav2 is RUNNING until the odometry shows
     a standstill, for at most `settle_timeout_sec`. Without odometry, the leaf ends together with the goal.

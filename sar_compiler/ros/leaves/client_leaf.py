@@ -190,7 +190,7 @@ class ClientLeaf(RosLeaf, Generic[E]):
         """Hook called before the message is sent, for example to log the call."""
 
     def on_failure(self, reason: str) -> Status:
-        """Log a warning and return FAILURE, because the response is missing or reports a failure.
+        """Handle a missing response, or a response that reports a failure: log a warning and return FAILURE.
 
         Args:
             reason: The cause, such as a missing server, a late response, or a goal that was rejected or aborted.

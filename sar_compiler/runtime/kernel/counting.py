@@ -18,7 +18,7 @@ class CountingNode(ControlNode):
     """Ticks all children. A child that has ended is not ticked again before the next start of the node.
 
     Attributes:
-        through: The first of the cells that have a bit for each child that has ended.
+        through: The first of the cells with one bit for each child. The bit is set when the child has ended.
         successes: The cell that stores the number of children that have succeeded.
         failures: The cell that stores the number of children that have failed.
         current: The cell that stores the index of the current child; used only during a tick.

@@ -21,7 +21,7 @@ class EntryCells:
         now: The number of each entry's current content, by the entry's index.
         names: The names of the entries, by index.
         lent: By entry index, the values that were read and can be changed in place.
-        freeze: Function that is given the index of an entry and a value read from it, and returns the entry's content.
+        freeze: Function that converts a value read from an entry to the entry's content; the first argument is the entry's index.
     """
 
     def __init__(self) -> None:
@@ -157,8 +157,7 @@ class Memo:
 class OutcomeMemo:
     """A cache for the outcomes of code that reads only one blackboard entry and has no effects.
 
-    The cache needs only one byte for each content of the entry, because a tree may have a thousand conditions on an entry with a thousand
-    contents.
+    A tree may have a thousand conditions on an entry with a thousand contents, so the cache needs only one byte for each content.
 
     Args:
         cells: The contents of all entries.

@@ -80,7 +80,7 @@ class LeafNode(ChildlessNode):
         return before
 
     def end_without(self, ticker: Ticker, answer: Any) -> int:
-        """End the leaf after a result that is no status. Like py_trees, treat the result as INVALID."""
+        """End the leaf after a result that is not a status. Like py_trees, treat the result as INVALID."""
         behaviour = self.behaviour
         ticker.number_of(behaviour, answer)
         if self.terminates:
@@ -148,7 +148,7 @@ def insist_on_status(behaviour: Any) -> None:
 
 
 class ForeignNode(ChildlessNode):
-    """The node for a behaviour of an unknown class. The methods of this class tick the behaviour.
+    """The node for a behaviour of an unknown class, which is ticked by its own methods.
 
     The kernel's tree does not contain the descendants of the behaviour.
     """

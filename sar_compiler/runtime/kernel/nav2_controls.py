@@ -261,8 +261,7 @@ class PauseResumeNode(ControlNode):
     """Ticks the child for the current mode. The modes are resumed, paused, pausing and resuming.
 
     The node's first child is a leaf whose status is the request: FAILURE to pause, RUNNING to resume. A request to pause is accepted unless
-    the node is paused, and a request to resume is accepted only if the node is paused. SKIPPED stands for both requests. The node then
-    pauses.
+    the node is paused, and a request to resume is accepted only if the node is paused. SKIPPED requests both, and the node always pauses.
 
     Attributes:
         asking: The cell that contains 1 while the leaf with the request is ticked.
@@ -300,7 +299,7 @@ class PauseResumeNode(ControlNode):
         return self.next_mode(ticker)
 
     def on_query_outcome(self, ticker: Ticker, outcome: int) -> int:
-        """Change the mode if the outcome of the request leaf asks for it, and tick the child of the mode."""
+        """Change the mode if the request leaf's outcome requests this, and tick the child of the resulting mode."""
         cells = ticker.cells
         is_paused = cells[self.mode] == _PAUSED
         pauses = (outcome == SKIPPED) if is_paused else (outcome in (FAILURE, SKIPPED))

@@ -96,7 +96,7 @@ class SingleTriggerNode(DecoratorNode):
 
 
 class AskingNode(OwnNode):
-    """A decorator with an extra leaf that represents the world. The outcome decides whether the child is ticked.
+    """A decorator with an extra leaf that represents the world. The leaf's outcome decides whether the child is ticked.
 
     Attributes:
         asked: The leaf that represents the world.
@@ -162,7 +162,7 @@ class WhenDueNode(AskingNode):
 class DistanceNode(AskingNode):
     """Ticks the child at the start, while the child is running, and when the robot has driven far enough.
 
-    The node ticks the leaf in every tick, and fails without halting the child if the robot's position is unknown.
+    The node ticks the extra leaf in every tick, and fails without halting the child if the robot's position is unknown.
 
     Attributes:
         is_first: The cell that contains 1 in the first tick of an activation, while the leaf is ticked.
@@ -194,7 +194,7 @@ class DistanceNode(AskingNode):
 class LongerPathNode(AskingNode):
     """Ticks the child if the path has become longer close to the goal. Otherwise returns SUCCESS.
 
-    If the path does not become longer any more, a running child is not halted.
+    A running child is not halted when the path has not become longer.
 
     Attributes:
         seen: The cell that contains 1 after the first path. The value remains when the node ends or is halted.

@@ -129,7 +129,7 @@ class RetryNode(RepeatingNode):
 
 
 _UNSEEN: Final = 0
-"""A marker that stands for a queue that was not read yet."""
+"""A marker for a queue that has not been read yet."""
 
 
 class LoopNode(DecoratorNode):

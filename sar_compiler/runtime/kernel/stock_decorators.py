@@ -93,7 +93,7 @@ class StockDecoratorNode(TreeNode):
         ticker.cells[self.status_cell] = INVALID
 
     def start(self, ticker: Ticker) -> None:
-        """Do the work of the `initialise` method of the py_trees class. By default, do nothing."""
+        """Initialise the node in place of the `initialise` method of the py_trees class. By default, do nothing."""
 
     def update(self, ticker: Ticker) -> int:
         """Return the status that the `update` method of the py_trees class returns for the child's status."""
@@ -122,7 +122,7 @@ class StockDecoratorNode(TreeNode):
         return ticker.number_of(self.behaviour, self.behaviour.update())
 
     def terminate(self, ticker: Ticker, status: int) -> None:  # noqa: ARG002
-        """Do the work of the `terminate` method of the py_trees class."""
+        """Terminate the node in place of the `terminate` method of the py_trees class."""
         if self.terminates:
             self.behaviour.terminate(STATUSES[status])
 
@@ -140,7 +140,7 @@ class StockCountingNode(StockDecoratorNode):
         self.known: dict[int, int] = {}
 
     def attribute(self) -> str:
-        """Return which attribute of the behaviour stores the count; empty if no count is needed."""
+        """Return the name of the behaviour's attribute that stores the count; empty if no count is needed."""
         raise NotImplementedError
 
     def start(self, ticker: Ticker) -> None:

@@ -194,7 +194,7 @@ class SleepNode(ChildlessNode):
         return seconds_of(self.behaviour, "msec")
 
     def set_message(self, ticker: Ticker, left: str) -> None:
-        """If messages are read, set the feedback message to the remaining time *left*, which is empty at the end."""
+        """Set the feedback message to the remaining time *left* (empty at the end), if messages are read."""
         if ticker.tells:
             self.behaviour.feedback_message = left
 
@@ -211,7 +211,7 @@ class TimerNode(SleepNode):
         return float(self.behaviour.duration)
 
     def set_message(self, ticker: Ticker, left: str) -> None:
-        """If messages are read, set the same feedback message as py_trees. *left* is empty at the end."""
+        """Set the same feedback message as py_trees, if messages are read. *left* is empty at the end."""
         if not ticker.tells:
             return
         behaviour = self.behaviour

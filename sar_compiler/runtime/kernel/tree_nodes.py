@@ -247,7 +247,7 @@ class Ticker:
 
     Attributes:
         called: The node whose tick is requested when a tick returns CALLED.
-        is_live: Whether the behaviours have the same statuses as the cells, because only ticks change the cells.
+        is_live: Whether the tree is live: between two ticks, each behaviour has the status that its cell stores.
         is_strict: Whether a `NoStatusError` is raised if a result is not a status. Otherwise the result is only logged.
         by_step: Whether a leaf is ticked by request, like any other node, instead of in one call.
         tells: Whether the behaviours' messages and current children are read.

@@ -50,7 +50,7 @@ class Claim:
             )
 
     def check_order(self, node: TreeNode, place: int, before: int) -> None:
-        """Check whether the class declaration allows the node to tick the next child after this outcome."""
+        """Check whether the class declaration allows the node to tick the child at *place* after the outcome *before*."""
         if self.goes_on and before not in (self.goes_on, SKIPPED):
             child, former = node.children[place].behaviour, node.children[place - 1].behaviour
             what = f"ticked '{child.name}' although '{former.name}' had returned {WORDS[before]}"
