@@ -40,7 +40,7 @@ _MAX_LISTED = 3
 
 
 class ApprovalError(SarError):
-    """The current version of a tree is not approved, or an approval cannot be stored, read or revoked."""
+    """Raised if the current version of a tree is not approved, or an approval cannot be stored, read or revoked."""
 
 
 class Fingerprint(NamedTuple):

@@ -54,7 +54,7 @@ class StartValues:
 
 
 class DisputedFactError(SarError):
-    """Leaves declare different initial values for a fact, and no file sets the fact's initial value."""
+    """Raised if leaves declare different initial values for a fact, and no file sets the fact's initial value."""
 
 
 def raise_disputes(simulated: SimulatedTree) -> None:

@@ -65,7 +65,7 @@ Substitute = Callable[..., Behaviour]
 
 
 class UnknownBehaviourError(UndecidableError):
-    """The behaviour of some controls or decorators is unknown, and no replacement is given for them.
+    """Raised if the behaviour of some controls or decorators is unknown, and no replacement is given for them.
 
     Attributes:
         findings: A finding for each tag of such nodes.
@@ -286,9 +286,8 @@ def compile_simulated(
         binding: The bound tree, which must have no errors.
         parameters: The values of the root blackboard's keys, from the parameters of the mission.
         assumptions: Assumptions in addition to the declarations of leaves.
-        all_runs: Whether the tree is for an exploration of all runs, which restores earlier states. Then the clock
-            cannot be read, and controls and decorators with their own methods, whose states cannot be restored, are
-            replaced by their semantics.
+        all_runs: Whether all runs of the tree will be explored. Then the clock cannot be read. Controls and decorators
+            with their own methods are replaced by their semantics, because their states cannot be restored.
 
     Raises:
         TreeError: If the tree cannot be compiled; contains the findings.

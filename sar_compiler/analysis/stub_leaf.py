@@ -32,7 +32,7 @@ STATUSES: Mapping[str, Status] = {outcome.name: outcome.status for outcome in Re
 
 
 class StubLeafError(SarError):
-    """A leaf cannot return an outcome, because no outcome is possible or a script fails.
+    """Raised if a leaf cannot return an outcome, because no outcome is possible or a script fails.
 
     Attributes:
         leaf: The leaf's name.

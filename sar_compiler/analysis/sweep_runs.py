@@ -28,13 +28,13 @@ _MAX_TRIALS = 400
 
 
 class UndecidedRunError(SarError):
-    """The result of a run depends on an unknown value."""
+    """Raised if the result of a run depends on an unknown value."""
 
     exit_status = 1
 
 
 class ChangedTreeError(SarError):
-    """The files of a tree have changed since the Monte Carlo runs started."""
+    """Raised if the files of a tree have changed since the Monte Carlo runs started."""
 
 
 @dataclass(frozen=True)

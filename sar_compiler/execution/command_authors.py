@@ -139,7 +139,7 @@ class CommandAuthors:
                 result = response
             else:
                 result = callback(request, response)
-        # A user's own service may return an object without these fields, which must not end the mission.
+        # A user's own service may return an object without these fields. The mission must still continue.
         refusal = "" if getattr(result, "success", True) else str(getattr(result, "message", ""))
         by, reason = author
         command = {"verb": verb.name, "label": verb.label, "by": by, "reason": reason, "refusal": refusal}

@@ -36,7 +36,7 @@ class RunStart(NamedTuple):
         faults: The faults to inject into the simulation.
         world: The simulated world; None for an existing robot.
         node: The run's node.
-        discovery: The wait for the discovery of other nodes, which began when the node was created.
+        discovery: The wait for the discovery of other nodes. It began when the node was created.
         journal: The object that records the reason if the start is refused.
         approval: The approval of the tree; None if the options do not require it.
     """

@@ -36,7 +36,7 @@ TELL = "tell"
 """The default reaction to a violated property: the run raises an alarm and sends no command."""
 
 _ROLES: Mapping[str, Literal["hold", "stop"]] = {"hold": "hold", "abort": "stop"}
-# Maximum wait of a command for its service, which may not be discovered yet, in seconds of the steady clock.
+# Maximum wait, in seconds of the steady clock, until the service of a command is discovered.
 _PATIENCE_SEC = 3.0
 
 

@@ -48,7 +48,7 @@ _DISCOVERY_SEC, _CHECK_SEC = 5.0, 0.05
 _READ_SEC = 5.0
 # A line of ROS's log; rcl can write such lines before the first output of `sar-run`.
 _LOG_LINE = re.compile(r"(\x1b\[\d*m)?\[(DEBUG|INFO|WARN|ERROR|FATAL)\] \[|>>> \[|\[rcutils\|")
-# A command that a signal has ended has a higher exit status.
+# The exit status of a command that a signal has ended is higher than this value.
 _SIGNALLED = 128
 
 
@@ -76,7 +76,7 @@ class ServedTree(NamedTuple):
 
 
 class ServedTreesError(SarError):
-    """The trees cannot be served."""
+    """Raised if the trees cannot be served."""
 
 
 class ServeOptions(NamedTuple):
@@ -105,7 +105,7 @@ def serve(argv: Sequence[str], options: ServeOptions, signals: StopSignals) -> i
     """Start runs for clients until a signal arrives.
 
     Args:
-        argv: The command-line options of each run, which follow its tree.
+        argv: The command-line options that follow the tree in the command of each run.
         options: The options of the server.
         signals: The requests to stop.
 
@@ -125,7 +125,7 @@ class ProcessRunStarter:
     """Starts runs of the served trees, each in its own process.
 
     Args:
-        argv: The command-line options of each run, which follow its tree.
+        argv: The command-line options that follow the tree in the command of each run.
         options: The options of the server.
 
     Attributes:

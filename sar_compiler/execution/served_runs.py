@@ -20,7 +20,7 @@ _SHOWN = 60
 
 
 class PayloadError(SarError):
-    """The payload of a goal is invalid."""
+    """Raised if the payload of a goal is invalid."""
 
 
 class EndedRun(NamedTuple):

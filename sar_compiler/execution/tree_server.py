@@ -153,7 +153,7 @@ class TreeExecutionServer(LifecycleNode):
             cancel_callback=self._on_cancel,
         )
         self.create_service(GetTrees, TREES_SERVICE, self._list_trees)
-        # rclpy raises an exception for a transition that the current state does not have, which would end the server and its mission.
+        # rclpy raises an exception if the current state has no such transition. The exception would end the server and its mission.
         service = self._service_change_state
         service.callback = partial(self._change_if_possible, service.callback)
 

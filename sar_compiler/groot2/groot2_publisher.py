@@ -49,11 +49,11 @@ class Ticking(Protocol):
 
 
 class Groot2PortError(SarError):
-    """The user has chosen a port for Groot2 that does not exist or cannot be used."""
+    """Raised if the user has chosen a port for Groot2 that does not exist or cannot be used."""
 
 
 class RequestError(SarError):
-    """A request is invalid; the error's message is the reply."""
+    """Raised if a request is invalid; the error's message is the reply."""
 
 
 class Groot2Publisher:

@@ -36,7 +36,7 @@ class RecordedChange(NamedTuple):
 
 
 class NoResponseError(UnusableRecordingError):
-    """No program responds at the address."""
+    """Raised if no program responds at the address."""
 
 
 class Groot2Client:

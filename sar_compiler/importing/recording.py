@@ -14,7 +14,7 @@ WORDS = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
 
 
 class UnusableRecordingError(SarError):
-    """A recorded run cannot be imported."""
+    """Raised if a recorded run cannot be imported."""
 
 
 @dataclass

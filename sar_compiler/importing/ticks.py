@@ -301,7 +301,7 @@ class TickFinder:
         return bool(messages) and messages[index] != messages[index - 1]
 
     def _is_ticked(self, uid: int) -> bool:
-        """Return whether a node can be ticked, because no ancestor is waiting for the result of its condition.
+        """Return whether a node can be ticked. It cannot while an ancestor waits for the result of the ancestor's condition.
 
         A WhileDoElse may wait for its condition without halting its other children.
         """

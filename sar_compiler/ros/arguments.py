@@ -107,7 +107,7 @@ def _without_node_names(arguments: Sequence[str]) -> list[str]:
 
 
 class RosArgumentError(SarError):
-    """ROS has rejected a ROS argument or a parameter file."""
+    """Raised if ROS has rejected a ROS argument or a parameter file."""
 
 
 @contextmanager

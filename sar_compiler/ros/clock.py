@@ -219,7 +219,7 @@ def steady_timer(node: "Node", period_sec: float, call: Callable[[], Any]) -> "T
 
 # The time without an advance after which simulated time has stopped for deadlines, in seconds. Most deadlines are longer (10 s).
 _DEADLINES_PATIENCE_SEC = 3.0
-# The maximum speed of simulated time for deadlines, because a fast simulation does not make the network faster: a deadline of 10 s takes at least 1 s.
+# The maximum speed of simulated time for deadlines. A fast simulation does not make the network faster: a deadline of 10 s takes at least 1 s.
 _DEADLINES_FASTEST = 10.0
 
 

@@ -33,7 +33,7 @@ _OURS = tuple(
     f"{folder}{os.sep}" for folder in (Path(__file__).parents[1], Path(str(py_trees.__file__)).parent)
 )
 _TRACEBACKS = "traceback"
-"""The last part of the name of the logger for tracebacks, which is a child of the node's logger."""
+"""The last part of the traceback logger's name. This logger is a child of the node's logger."""
 
 
 def error_text(error: BaseException) -> str:
@@ -142,7 +142,7 @@ _RESERVED_FRAMES = 200
 
 
 class TreeTooDeepError(SarError):
-    """A tree is nested too deeply for Python's stack.
+    """Raised if a tree is nested too deeply for Python's stack.
 
     Attributes:
         depth: The number of levels.
@@ -267,7 +267,7 @@ def leaves_at_work(root: Behaviour) -> list[Behaviour]:
 
 
 class SetupFailedError(SarError, RuntimeError):
-    """The setup of a leaf raised an exception.
+    """Raised if the setup of a leaf raises an exception.
 
     Attributes:
         behaviour: The leaf's name.
@@ -299,7 +299,7 @@ def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
 
 
 class EngineError(SarError):
-    """The requested engine cannot be loaded."""
+    """Raised if the requested engine cannot be loaded."""
 
 
 class Engine(Protocol):

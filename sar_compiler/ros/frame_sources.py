@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
-# The number of messages that are queued until the next query, which a busy robot sends in half a second.
+# The number of messages that are queued until the next query. A busy robot sends this many in half a second.
 _DEPTH = 100
 _MOST_FRAMES = 10_000
 # The time, in seconds, in which two publishers of a frame are detected if each of them sends one transform a second.

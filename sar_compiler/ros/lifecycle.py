@@ -31,8 +31,8 @@ class PolledService:
         answer: The latest response; None before the first response, or if the latest query received no response.
         is_silent: Whether the latest query did not receive a response in time.
         deadline_sec: The maximum wait for a response, in seconds.
-        known_at: The time, in seconds of awake time, at which the query of the latest response was sent or an unanswered query was
-            abandoned; minus infinity before the first of these events.
+        known_at: The time at which the query of the latest response was sent, or an unanswered query was abandoned, in seconds of awake
+            time; minus infinity before.
         silent_since: The time at which the first of the latest queries without a response was sent, in seconds of awake time; None if the
             latest query received a response.
         answered_at: The time of the latest response, in seconds of the steady clock.

@@ -57,7 +57,7 @@ class ValueProblem(Enum):
 
 
 class UnusableValueError(SarError, ValueError):
-    """A value violates its message's definition, and is treated as unknown.
+    """Raised if a value violates its message's definition. The value is then treated as unknown.
 
     Args:
         text: A message with the value, the allowed values, and the likely cause.

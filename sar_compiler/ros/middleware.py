@@ -29,7 +29,7 @@ _RESPONSE_NOT_SENT = r"failed to send response \(timeout\)"
 
 
 class MiddlewareError(SarError):
-    """The requested middleware is not installed."""
+    """Raised if the requested middleware is not installed."""
 
 
 def require_middleware() -> None:

@@ -22,7 +22,7 @@ _RESPONSE_SEC = 10.0
 
 
 class MissionCommandError(SarError):
-    """A command could not be sent or was not executed."""
+    """Raised if a command could not be sent or was not executed."""
 
 
 def find_missions(node: Node) -> list[LeaseClaim]:
@@ -32,7 +32,7 @@ def find_missions(node: Node) -> list[LeaseClaim]:
     while a discovered mission has not sent its claim.
 
     Args:
-        node: The node that receives the claims, which must be spun in another thread.
+        node: The node that receives the claims. Another thread must spin the node.
     """
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     claims: dict[str, LeaseClaim] = {}
@@ -79,7 +79,7 @@ def send_command(node: Node, of: str, order: str, sign: Callable[[Callable[[], N
     """Send a command to a mission, and return the message of the response.
 
     Args:
-        node: The node that sends the command, which must be spun in another thread.
+        node: The node that sends the command. Another thread must spin the node.
         of: The full name of the mission's node.
         order: The name of the command.
         sign: Announces the author of the command, then calls the function that sends the command.

@@ -120,7 +120,7 @@ _PATIENCE_SEC = 10.0
 
 
 class RecordingError(SarError):
-    """The file for a recording already exists or cannot be created."""
+    """Raised if the file for a recording already exists or cannot be created."""
 
 
 def _type_to_record(name: str, types: Iterable[str]) -> Any:

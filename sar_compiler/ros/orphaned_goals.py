@@ -156,8 +156,8 @@ class OrphanedGoal:
     """A goal whose own process can no longer cancel it, so that another process requests the goal's end.
 
     The cancel requests are repeated until the goal has ended. Three sources can show the goal's end: the status topic, the response to the
-    request for the result, and the response of a server that does not know the goal (because the server was restarted, or has never
-    received the goal). Each of these messages can be lost. So all sources are used, and no pending request is abandoned.
+    request for the result, and the response of a server that does not know the goal. Such a server was restarted, or has never received the
+    goal. Each of these messages can be lost. So all sources are used, and no pending request is abandoned.
 
     Args:
         node: The node that cancels the goal.
@@ -228,7 +228,7 @@ class OrphanedGoal:
             self._unknown_since = None
         elif self._unknown_since is None:
             self._unknown_since = now
-        # The response also reports a goal as terminated while it is still being cancelled, which is not the goal's end.
+        # The response also reports a goal as terminated while the goal is still being cancelled. This does not prove the goal's end.
         if self._unknown_since is not None and now - self._unknown_since >= self._patience_sec:
             self._end(UNKNOWN)
 

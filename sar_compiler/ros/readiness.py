@@ -32,10 +32,10 @@ InitialPose = tuple[float, float, float]
 """An initial pose: x and y in metres, yaw in radians."""
 
 _INITIAL_POSE_PERIOD_SEC = 1.0
-# Time to wait for the pose of a discovered localisation before an initial pose is sent, in seconds: twice the time in which half of the participants
-# discover each other.
+# Time to wait for the pose of a discovered localisation before an initial pose is sent, in seconds. Half of the participants discover each other
+# in half of this time.
 _LISTEN_SEC = 1.0
-# Maximum wait for the odometry after transforms from `map` have arrived, in seconds, because both are needed to compute the position.
+# Maximum wait, in seconds, for the odometry after transforms from `map` have arrived. Both are needed to compute the position.
 _PLACE_SEC = 5.0
 MOVED_M = 0.25
 """Movements below this distance are ignored, as by AMCL (`update_min_d`), in metres."""
@@ -69,7 +69,7 @@ class Requirement(ABC):
 
 
 class RobotMovedError(SarError):
-    """The robot is not at the initial pose that the mission would send to the localisation.
+    """Raised if the robot is not at the initial pose that the mission would send to the localisation.
 
     Attributes:
         place: The robot's pose according to the localisation: x, y (m) and yaw (rad) in the frame `map`; None if the pose is unknown.
@@ -348,7 +348,7 @@ _TURN_SEC = 0.05
 
 
 class NotReadyError(SarError):
-    """A resource that the mission needs was not available in time.
+    """Raised if a resource that the mission needs was not available in time.
 
     Attributes:
         missing: A line for each missing resource.

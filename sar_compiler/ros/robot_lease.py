@@ -31,7 +31,7 @@ _MOST = 8
 
 
 class AnotherMissionError(SarError):
-    """Another mission already uses this robot.
+    """Raised if another mission already uses this robot.
 
     Attributes:
         claim: The claim of the other mission.

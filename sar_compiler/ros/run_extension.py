@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class UnfitLeavesError(SarError):
-    """A run extension requires leaves that the tree does not have."""
+    """Raised if a run extension requires leaves that the tree does not have."""
 
 
 class RunExtension:

@@ -107,7 +107,7 @@ TickHandler = Callable[[py_trees.trees.BehaviourTree], None]
 
 
 class SetupTimeoutError(SarError, RuntimeError):
-    """The setup of a tree took too long. As in py_trees, the exception is a `RuntimeError`.
+    """Raised if the setup of a tree takes too long. As in py_trees, the exception is a `RuntimeError`.
 
     Attributes:
         behaviour: The name of the behaviour whose setup exceeded the time limit.

@@ -28,7 +28,7 @@ _instances = itertools.count()
 
 
 class MissingEntryError(SarError, KeyError):
-    """An error: a key was read before a value was written to it.
+    """Raised if a key is read before a value was written to it.
 
     Attributes:
         key: The key, as written in the tree file.

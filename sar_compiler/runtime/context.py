@@ -11,7 +11,7 @@ _MARK = "__mission_context__"
 
 
 class PreviewError(SarError):
-    """An error: the placeholder for an object of the mission context cannot be created."""
+    """Raised if the placeholder for an object of the mission context cannot be created."""
 
 
 @overload

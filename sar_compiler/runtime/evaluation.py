@@ -35,7 +35,7 @@ _NO_ENUMS: Mapping[str, int] = {}
 
 
 class EvaluationError(SarError):
-    """An error: a script cannot be evaluated with the current values of its variables.
+    """Raised if a script cannot be evaluated with the current values of its variables.
 
     Attributes:
         message: The description of the error.

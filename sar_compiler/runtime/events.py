@@ -17,8 +17,8 @@ DECIDED = "decided"
 runs."""
 
 RESET = "reset"
-"""The kind of event for the reset of a leaf that had ended. It only occurs in recorded runs, which omit an outcome if it equals
-the outcome in the previous tick."""
+"""The kind of event for the reset of a leaf that had ended. It only occurs in recorded runs, because they omit outcomes that equal the
+outcome in the previous tick."""
 
 
 FactChanges = tuple[tuple[str, object], ...]

@@ -15,7 +15,7 @@ _NAN = "nan"
 
 
 class FrozenValueError(UndecidableError):
-    """An error: a value can neither be copied nor hashed."""
+    """Raised if a value can neither be copied nor hashed."""
 
 
 def freeze(value: object) -> Hashable:

@@ -26,7 +26,7 @@ _NUMBERS = (int, float)
 
 
 class EntryTypeError(SarError):
-    """An error: a value cannot be written to a blackboard entry, or a key is not a string."""
+    """Raised if a value cannot be written to a blackboard entry, or a key is not a string."""
 
 
 class _ScriptLeaf(Behaviour):
@@ -39,7 +39,7 @@ class _ScriptLeaf(Behaviour):
         enums: The named constants.
 
     Attributes:
-        script: The script, which can be run.
+        script: The runnable script.
     """
 
     is_condition = False
@@ -207,7 +207,7 @@ class Conditions(Decorator):
     def __init__(
         self, name: str, child: Behaviour, scripts: Mapping[str, Script], scope: Scope, enums: Enums
     ) -> None:
-        # Set first, because the base constructor sets the status, which is the child's.
+        # Set first, because the base constructor sets the status, and the child stores it.
         self.decorated = child
         super().__init__(name, child)
         ready = {

@@ -31,7 +31,7 @@ class SettlingLeaf(Protocol):
 
 
 class NoStatusError(SarError, TypeError):
-    """An error: a method of a behaviour, usually `update()`, did not return a status.
+    """Raised if a method of a behaviour, usually `update()`, does not return a status.
 
     Attributes:
         behaviour: The behaviour.

@@ -39,9 +39,9 @@ STATUSES = tuple(ReturnedStatus.__members__)
 class Outcome:
     """One possible outcome of a leaf's tick.
 
-    In scripts and names of facts, `{self}` is replaced by the node's name as an identifier, and `{parameter}` by the
-    name of the node to which a reference parameter refers. In scripts, `{parameter}` may also name an integer parameter
-    and is replaced by its value.
+    In scripts and names of facts, `{self}` is replaced by the node's name as an identifier. `{parameter}` is replaced
+    by the name of the node to which a reference parameter refers. In scripts, `{parameter}` may also name an integer
+    parameter and is replaced by its value.
 
     Attributes:
         status: `SUCCESS`, `FAILURE`, `RUNNING` or `SKIPPED`.
@@ -104,7 +104,7 @@ def _probability(weight: float, others: float) -> float:
 
 
 class DeclaredOutcomes:
-    """The declared outcomes of a leaf, which are looked up by the leaf's status and `outcome_label`.
+    """Looks up the declared outcomes of a leaf by the leaf's status and `outcome_label`.
 
     Args:
         outcomes: The outcomes.

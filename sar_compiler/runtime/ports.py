@@ -25,7 +25,7 @@ Convert = Callable[[object], Any]
 
 
 class PortError(SarError):
-    """An error: a port cannot be read or written, for example because its key has no value.
+    """Raised if a port cannot be read or written, for example because its key has no value.
 
     Attributes:
         port: The port's name; empty if it is not known.

@@ -12,7 +12,7 @@ _LABELS = {int: "an integer", float: "a number", bool: "true or false", str: "a 
 
 
 class QueueError(NodeError):
-    """An error: the queue of a loop node is not a list or string of items, or an item has the wrong type."""
+    """Raised if the queue of a loop node is not a list or string of items, or an item has the wrong type."""
 
 
 def queue_items(queue: object, kind: type) -> list[Any]:

@@ -143,7 +143,7 @@ class _FastPath:
     """Generates the code for one statement.
 
     Attributes:
-        reads: The code that reads the entries and precomputes values, which precedes the other code.
+        reads: The code that precedes the other code: it reads the entries and precomputes values.
     """
 
     def __init__(self) -> None:

@@ -46,7 +46,7 @@ SkeletonPart = VariableSlot | ConstantSlot | Applied | Chain
 
 
 class _InnerAssignmentError(Exception):
-    """An error: an assignment is part of another expression."""
+    """Raised if an assignment is part of another expression."""
 
 
 class Skeleton:

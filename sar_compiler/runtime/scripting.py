@@ -23,7 +23,7 @@ V = TypeVar("V")
 
 
 class NodeScriptError(NodeError):
-    """An error: the script of a node has failed.
+    """Raised if the script of a node fails.
 
     Attributes:
         attribute: The attribute that contains the script.
@@ -65,7 +65,7 @@ class ScopeVariables:
         return _as_script_value(name, self._read_entry(name))
 
     def create(self, name: str, value: ScriptValue) -> ScriptValue:
-        """Write an entry, which is created if it does not exist, and return the stored value.
+        """Write an entry, create it if it does not exist, and return the stored value.
 
         Raises:
             VariableError: If the value cannot replace the entry's value.

@@ -52,7 +52,7 @@ _LONGEST_EXCERPT = 40
 
 
 class ScriptError(SarError):
-    """An error: the syntax of a script is wrong.
+    """Raised if the syntax of a script is wrong.
 
     Attributes:
         message: The description of the error.

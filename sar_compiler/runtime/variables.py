@@ -36,11 +36,11 @@ class Enums(NamedTuple):
 
 
 class VariableError(SarError):
-    """An error: a variable cannot be read or written."""
+    """Raised if a variable cannot be read or written."""
 
 
 class UnknownVariableError(VariableError):
-    """An error: a variable does not exist, or has no value yet.
+    """Raised if a variable does not exist, or has no value yet.
 
     Attributes:
         name: The variable's name, as written in the script.
@@ -52,7 +52,7 @@ class UnknownVariableError(VariableError):
 
 
 class UnknownValueError(VariableError):
-    """An error: a script needs a value that only a run with a robot would provide.
+    """Raised if a script needs a value that only a run with a robot would provide.
 
     Attributes:
         value: The unknown value.
@@ -95,7 +95,7 @@ def unknown_value_of(error: BaseException | None) -> UnknownValue | None:
 
 
 class RefusedValueError(VariableError):
-    """An error: a value has the wrong type, or is not allowed."""
+    """Raised if a value has the wrong type, or is not allowed."""
 
 
 class Variables(Protocol):

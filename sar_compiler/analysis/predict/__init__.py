@@ -73,8 +73,8 @@ class Prediction:
         time_sec: The expected duration of the runs that end, in seconds; None if the duration is unknown,
             or if no run ends. If probabilities are unknown, the bounds are the durations for which success is least and most probable.
         success_sec: The expected duration of the runs that succeed, like `time_sec`.
-        distribution: The times at which runs end, in seconds, each with the probabilities that a run has succeeded and
-            that it has ended by this time; empty if the computation would be too large. In the distribution and in
+        distribution: The times at which runs end, in seconds. Each has the probabilities that a run has succeeded and
+            that it has ended by this time. Empty if the computation would be too large. In the distribution and in
             `influences`, unknown probabilities are set to the middle of their bounds.
         influences: The influential leaves, most influential first.
         unknown: The paths of the leaves without any known probability.

@@ -121,7 +121,7 @@ class ProbabilityGraph:
         return places, found, missing[places, found]
 
     def bounds(self, goal: Flags, unknown: Flags) -> ProbabilityBounds:
-        """Return the bounds of the probability of reaching a set of states.
+        """Return the bounds of the probability that a run reaches a set of states.
 
         Args:
             goal: For each state, whether it is in the set.
@@ -360,7 +360,7 @@ class ProbabilityGraph:
             places, mass = places[~over], mass[~over]
             while len(places):
                 steps, counts = _ranges(first[places], first[places + 1])
-                # The NumPy calls of a round take as long as the computation of this number of steps.
+                # The NumPy calls of a round take as long as computing this number of steps.
                 carried += len(steps) + _STEPS_OF_A_ROUND
                 if carried > _MOST_CARRIED or is_spent():
                     return None

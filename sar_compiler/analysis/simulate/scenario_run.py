@@ -59,7 +59,7 @@ class RunVariables(FactVariables):
 
 
 class ScriptedError(SarError):
-    """A scenario requests an outcome that a leaf cannot return at this point of the run."""
+    """Raised if a scenario requests an outcome that a leaf cannot return at this point of the run."""
 
 
 class DrawnChoice(NamedTuple):
@@ -248,7 +248,7 @@ _ROOT_IS_DONE = Program(parse("root == 'SUCCESS' || root == 'FAILURE'"))
 
 
 class UntilError(SarError):
-    """The condition that ends a run cannot be evaluated."""
+    """Raised if the condition that ends a run cannot be evaluated."""
 
 
 @dataclass

@@ -62,7 +62,7 @@ class Numbers:
 
 
 def _longer(short: vec[i16], long: vec[i32], number: i64) -> vec[i64]:
-    """Return an array with the integers of both arrays, of which one is empty, followed by *number*."""
+    """Return an array with the integers of the array that is not empty, followed by *number*."""
     longest = vec[i64]()
     for held in short:
         longest = append(longest, i64(held))
@@ -128,7 +128,7 @@ class Graph:
         waits: The different effects of steps on the waits.
         ends: 1 for each state in which the run is over.
         pending: The pending obligations of each state, as bits.
-        levels: The first state at each distance, which is the minimum number of ticks that lead to a state.
+        levels: The first state at each distance. A state's distance is the minimum number of ticks that lead to it.
         breaches: The first violation of each rule, by rule number.
         error: The first tick that raised an error; None if no tick raised an error.
         complete: Whether every state was explored.

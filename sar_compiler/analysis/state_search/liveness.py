@@ -166,7 +166,7 @@ def components(graph: Graph, excluded: bytearray) -> Iterator[list[int]]:
 class _Stack:
     """A stack of places.
 
-    It needs less memory than a list, which matters because it may contain all places.
+    The stack may contain all places, and needs less memory than a list.
     """
 
     def __init__(self) -> None:

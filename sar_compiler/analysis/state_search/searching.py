@@ -5,9 +5,9 @@ shortest run. States are numbered in the order in which they are found. So the s
 consecutive numbers, and the states that are not expanded yet have the highest numbers. The search needs no other queue.
 
 Why a state is expanded completely or not at all: `liveness` assumes that a state without known steps can end, and
-relies on the steps of every other state. If steps of a state were missing, a run that ends by one of them would be
-unknown, and a loop could be reported that a run can leave. So if the limit of states is reached while a state is
-expanded, the state's steps are dropped.
+relies on the steps of every other state. If steps of a state were missing, a run that ends by a missing step would be
+unknown. A loop could then be reported although a run can leave it. So if the limit of states is reached while a state
+is expanded, the state's steps are dropped.
 
 Why a violation does not end the search: each property is decided separately, and other properties may hold. Only the
 first violation of each property is recorded.

@@ -107,8 +107,8 @@ class Trail:
     def start(self, bit: int) -> None:
         """Record that a leaf or timer starts.
 
-        A run does not wait for a leaf that was halted and restarted in the same tick, although it runs before and after
-        the tick: this is another activation, with its whole running time still to come. See `liveness`.
+        A run does not wait for a leaf that was halted and restarted in the same tick. The leaf runs before and after
+        the tick, but in two activations, and the second one begins with the whole running time. See `liveness`.
         """
         self.going_on &= ~bit
         self.changed |= bit

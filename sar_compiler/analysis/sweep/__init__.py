@@ -35,7 +35,7 @@ def wilson(successes: int, runs: int, confidence: float) -> Interval:
     Args:
         successes: The number of runs that have succeeded.
         runs: The number of runs; for 0, the interval contains all probabilities.
-        confidence: The probability with which such an interval contains the true rate, between 0 and 1.
+        confidence: The probability that the interval contains the true rate, between 0 and 1.
     """
     if not runs:
         return Interval(0.0, 1.0)
@@ -52,7 +52,7 @@ _MAX_ATTEMPTS = 4
 
 
 class SweepError(SarError):
-    """The Monte Carlo runs cannot continue, because workers have terminated repeatedly."""
+    """Raised if the Monte Carlo runs cannot continue, because workers have terminated repeatedly."""
 
 
 class RunResultSample(NamedTuple):

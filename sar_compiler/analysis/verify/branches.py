@@ -1,8 +1,8 @@
 """Finds independent branches below parallel nodes, and creates automata that can replace them.
 
-Neighbouring branches that must all succeed are joined into one branch (`joined`): a parallel node with three such
-children is replaced by a parallel node with two children, the first of which is a parallel node with the other two. The
-automaton of two branches is minimised before a third branch is added. So twenty similar branches have about ten states.
+Neighbouring branches that must all succeed are joined into one branch (`joined`). For example, a parallel node with
+three such children is replaced by one with two children, the first of which joins two of the branches. The automaton of
+two branches is minimised before a third branch is added. So twenty similar branches have about ten states.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -30,7 +30,7 @@ AFTER_A_TICK = (ROOT, IDLE)
 
 
 class ConditionError(UndecidableError):
-    """A condition cannot be evaluated in a reachable state.
+    """Raised if a condition cannot be evaluated in a reachable state.
 
     Args:
         owner: The name of the condition's property, or `end`.
@@ -43,7 +43,7 @@ class ConditionError(UndecidableError):
 
 
 class IdleUnknownError(SarError):
-    """A condition reads whether the tree is idle, but it is not yet known whether the tree is idle."""
+    """Raised if a condition reads whether the tree is idle, but it is not yet known whether the tree is idle."""
 
 
 class PropertyScope(FactVariables):
@@ -270,10 +270,10 @@ class PropertyAutomata:
     """The properties of a tree, in the form of automata for the search.
 
     Attributes:
-        monitors: The monitors of the properties over events, which have the lowest rule numbers.
+        monitors: The monitors of the properties over events. They have the lowest rule numbers.
         guarded: The second events that accompany leaf events while a condition holds, by the leaf event's number.
         ends: Returns whether a run is over.
-        at_end: The conditions that must hold at the end of a run, which have the following rule numbers.
+        at_end: The conditions that must hold at the end of a run. Their rule numbers follow those of the monitors.
         entries: The entries that `at_end` and `ends` read.
     """
 

@@ -18,13 +18,13 @@ from sar_compiler.runtime.events import HALTED, RESET, TICKED, Event
 from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.variables import unknown_value_of
 
-# The maximum number of explored ticks times the number of nodes, which takes some seconds.
+# The maximum product of explored ticks and nodes. Exploring this many takes some seconds.
 _MAX_EXPLORED = 5_000_000
 # In a state with more ticks, only ticks that begin like the recorded tick are explored.
 _MAX_TICKS = 200
 _RUNNING, _HALTED, _IDLE, _SKIPPED = "RUNNING", "HALTED", "IDLE", "SKIPPED"
 _ENDS = ("SUCCESS", "FAILURE")
-# The maximum number of different ticks of a record that are cached, which take some ten megabytes.
+# The maximum number of different ticks of a record that are cached. They take some ten megabytes.
 _MAX_CACHED = 10_000
 # The maximum number of consecutive ticks without entries, in a record that omits such ticks.
 _MAX_OMITTED = 100
@@ -33,11 +33,11 @@ _NO_STATE = b""
 
 
 class NotReplayedError(UndecidableError):
-    """A recorded run is impossible in its tree, given the outcomes that the leaves declare."""
+    """Raised if a recorded run is impossible in its tree, given the outcomes that the leaves declare."""
 
 
 class OtherTreeError(UndecidableError):
-    """A recorded run does not belong to the given tree, because the nodes differ."""
+    """Raised if a recorded run does not belong to the given tree, because the nodes differ."""
 
 
 def ticks_of(record: Iterable[Event]) -> Iterator[list[Event]]:

@@ -19,8 +19,8 @@ key. So neither the type of a value nor the presence of a value is ever changed:
   merged, unless none of the keys can contain integers.
 - A key with any other use is never merged, such as in a port of a control, as a truth value, or in a product.
 
-Integers that are too large raise errors in calculations, but a merged integer never grows so large. So an integer may
-be changed by at most 1,000 in a step. Such an error is then 10^12 additions away. Numbers above 2^50 are not merged.
+Integers that are too large raise errors in calculations, but a merged integer never grows so large. So integers are only merged if no step
+changes them by more than 1,000. The error is then 10^12 additions away. Numbers above 2^50 are not merged.
 
 Runs are played again without merged values before they are shown (`state_space`).
 """

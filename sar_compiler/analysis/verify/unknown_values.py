@@ -50,8 +50,8 @@ def explore_decidable(
     """Search the states of a tree as `explore` does, and report ticks that need unknown values separately.
 
     Returns:
-        The graph, whose error is the first tick that raises an error for another reason than an unknown value, and the
-        first tick that needs an unknown value (None if there is none).
+        The graph, and the first tick that needs an unknown value (None if there is none). The error of the graph is the
+        first tick that raises an error for another reason.
     """
     if not stepper.writes_unknown_values:
         return explore(stepper.steps, max_states, report, names), None

@@ -76,7 +76,7 @@ class ActionLeaf(GoalSender):
         absence_timeout_sec: The maximum time for which the server may be missing from the ROS graph while the goal is active,
             in seconds.
         hold_timeout_sec: The maximum time for which an activation waits until the server can accept the goal, in seconds.
-        pause_sec: The first pause between two attempts, which doubles with each failure, in seconds; 0 for no pauses.
+        pause_sec: The first pause between two attempts, in seconds; 0 for no pauses. The pause doubles with each failure.
         rivals: The (relative) names of other actions. While a goal of one of these actions is active, the server cannot accept a goal of
             this action.
         interface: The Python class of the action; available after the leaf's setup.

@@ -76,7 +76,7 @@ class Arrival:
         return None if place is None else math.dist(place[:2], self._destination)
 
     def is_awaited(self) -> bool:
-        """Return whether the leaf must wait, because the localisation may still report an earlier position."""
+        """Return whether the localisation may still report an earlier position, so that the leaf must wait."""
         if not self.reason_against:
             return False
         if not self._due:

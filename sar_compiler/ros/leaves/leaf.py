@@ -50,7 +50,7 @@ def of_node(node: "Node", key: Hashable, make: Callable[[], T]) -> T:
 
 
 class MissingNodeError(SarError, KeyError):
-    """A leaf that needs a ROS node was set up without one, or ticked before its setup.
+    """Raised if a leaf that needs a ROS node was set up without one, or ticked before its setup.
 
     The class is also a `KeyError`, because py_trees' own ROS leaves raise a `KeyError` in this case.
 
@@ -72,7 +72,7 @@ class MissingNodeError(SarError, KeyError):
 
 
 class LeafDefinitionError(SarError):
-    """A required attribute of a leaf is missing or invalid, or the leaf's interface type is not installed."""
+    """Raised if a required attribute of a leaf is missing or invalid, or the leaf's interface type is not installed."""
 
 
 class RosLeaf(Behaviour):

@@ -11,7 +11,7 @@ _BITS: Final = 30
 
 
 class ThresholdError(NodeError):
-    """An error: a parallel node is configured to wait for more children than it has."""
+    """Raised if a parallel node is configured to wait for more children than it has."""
 
 
 class CountingNode(ControlNode):

@@ -1,8 +1,8 @@
 """Live trees. Between two ticks, the status of each behaviour equals the status in its cell.
 
 The state of a tree is in its cells, and `verify` copies nothing else. A live tree also has py_trees behaviours, which other code reads and
-stops: py_trees' visitors and displays read `status` and `feedback_message`, a runner stops the root, a test or a sibling stops a single
-leaf, and a user's class may set its own status. So this module synchronises both copies of a status.
+stops. py_trees' visitors and displays read `status` and `feedback_message`. A runner stops the root, and a test or a sibling stops a single
+leaf. A user's class may set its own status. So this module synchronises both copies of a status.
 
 Why a node is synchronised when it is reached: parents read cells, because reading an attribute of a Python object would
 cost a dictionary lookup. So a behaviour is compared with its cell when a tick first starts or stops its node
@@ -26,8 +26,8 @@ ticks a control of this project below it in the same way. Such a behaviour is th
 unknown nodes. A `ForeignNode` represents an unknown node, which is ticked by its own methods, with all its descendants.
 
 Why a new tree may continue from an old one: adding or removing children at run time (py_trees' `insert_subtree`)
-changes the number of cells, so the tree is rebuilt. The lists of children detect the change (`parents.Children`). A
-node restarts unless its old children are still its first children, because its cells contain indices of children.
+changes the number of cells, so the tree is rebuilt. The lists of children detect the change (`parents.Children`). Cells
+contain indices of children. So a node restarts unless its old children are still its first children.
 """
 
 from collections.abc import Iterator

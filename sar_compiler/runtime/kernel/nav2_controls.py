@@ -18,7 +18,7 @@ _USUAL_RETRIES: Final = 1
 
 
 class Nav2ControlError(NodeError):
-    """An error: a Nav2 control cannot handle the outcome of a child or the value of a port."""
+    """Raised if a Nav2 control cannot handle the outcome of a child or the value of a port."""
 
 
 class RecoveringNode(ControlNode):

@@ -1,6 +1,6 @@
 """The kernel's nodes for py_trees' own decorators, whose `update` methods convert the child's status.
 
-Cells store the state of such a decorator between two ticks. Each tick copies the state to the decorator's attributes and back.
+Between two ticks, cells store the state of the decorator. Each tick copies the state to the decorator's attributes and back.
 """
 
 from collections.abc import Iterable

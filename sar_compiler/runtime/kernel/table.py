@@ -43,7 +43,7 @@ if not IS_2_3:
 
 
 class NotFlatError(UndecidableError):
-    """An error: the kernel cannot tick the children of a behaviour, because its class is unknown.
+    """Raised if the kernel cannot tick the children of a behaviour, because its class is unknown.
 
     Attributes:
         behaviour: The behaviour.

@@ -17,7 +17,7 @@ _CLOSE: Final = 1e-6
 
 
 class DurationError(NodeError):
-    """An error: the duration of a node is negative."""
+    """Raised if the duration of a node is negative."""
 
 
 def seconds_of(behaviour: Any, port: str) -> float:

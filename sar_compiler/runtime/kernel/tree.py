@@ -13,7 +13,7 @@ _MANY: Final = 2
 """The maximum stored number of writes, which replaces all larger numbers. It must not be 1, because an entry that was
 removed and written again has been written once."""
 _LONG_AGO: Final = -1
-"""This number stands for an outdated number of writes, which differs from the current number of every entry."""
+"""This number replaces outdated numbers of writes. It differs from the current number of every entry."""
 
 
 class FlatTree:

@@ -140,7 +140,7 @@ class UserNode(OwnNode):
         return super().stop_first(ticker)
 
     def _attributes(self, ticker: Ticker) -> Any:
-        """Return a copy of the behaviour's attributes, or None in a live tree, which needs no check."""
+        """Return a copy of the behaviour's attributes for `_compare`; None in a live tree, whose attributes may change."""
         if ticker.is_live:
             return None
         found: dict[str, Any] = {}
