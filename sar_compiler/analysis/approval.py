@@ -147,7 +147,7 @@ def approve(fingerprint: Fingerprint, by: str) -> Approval:
 
 
 def approvals() -> Iterator[Approval]:
-    """Yield the user's approvals, sorted by the file names under which they are stored.
+    """Yield the user's approvals, sorted by the names of their files.
 
     Raises:
         ApprovalError: If an approval is unreadable, or other users could have written it.

@@ -38,9 +38,9 @@ _TYPES: Mapping[type, str] = {bool: "true or false", int: "an integer", float: "
 
 @dataclass(frozen=True)
 class StartValues:
-    """The values with which runs start, set by a mission's parameters.
+    """The initial values of runs, from a mission's parameters.
 
-    Scenario and properties files override them.
+    Scenario and properties files override these values.
 
     Attributes:
         parameters: The values of the root blackboard's keys.

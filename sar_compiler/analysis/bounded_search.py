@@ -121,7 +121,7 @@ def findings_of_runs(
     how_to_see: str,
     known: Iterable[Diagnostic],
 ) -> list[Diagnostic]:
-    """Return a finding for each location at which a tick raises an error, with the shortest run to the error.
+    """Return a finding for each location at which a tick raises an error, with the shortest run that leads to the error.
 
     Args:
         simulated: The tree with stub leaves; not usable afterwards.
@@ -233,7 +233,7 @@ def _run_text(ticks: list[list[Event]]) -> str:
 
 
 class _SimulationDoubts:
-    """Detects errors that are caused by values missing in the simulation, and may not occur in real runs."""
+    """Detects errors that real runs might not raise, because values missing in the simulation cause them."""
 
     def __init__(self, binding: Binding) -> None:
         accesses = [access for tree in binding.used_trees() for access in key_accesses_of(tree).accesses]
@@ -242,7 +242,7 @@ class _SimulationDoubts:
         self._written = {access.key for access in accesses if access.kind in writing}
 
     def is_doubtful(self, error: Exception) -> bool:
-        """Return whether an error may not occur in a real run."""
+        """Return whether real runs might not raise an error."""
         return unknown_value_of(error) is not None or any(
             key not in self._written or f"{ROOT_SIGN}{key}" in self._all for key in _empty_keys(error)
         )

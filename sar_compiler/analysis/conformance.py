@@ -436,7 +436,7 @@ class _PropertyEvaluation:
     Args:
         recorded: The recorded run.
         properties: The properties.
-        moments: The ticks of the recorded run, as far as they are possible for the tree.
+        moments: The ticks of the recorded run that are possible for the tree.
     """
 
     def __init__(self, recorded: _ReplayedRun, properties: Properties, moments: Iterable[FoundTick]) -> None:

@@ -153,7 +153,7 @@ def _axes(last_sec: float, wide: float, high: float) -> Iterator[str]:
         y = _ABOVE + high * (1.0 - part)
         yield f'<path class="axis" d="M{_LEFT} {y:.1f}H{_LEFT + wide}"/>'
         yield f'<text class="scale" x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{100 * part:g} %</text>'
-    # The largest round number of seconds of which the time axis contains at least three.
+    # The largest round interval, in seconds, that the time axis contains at least three times.
     power = 10.0 ** math.floor(math.log10(last_sec))
     step = next(each * power for each in (2.0, 1.0, 0.5, 0.2) if 3.0 * each * power <= last_sec)
     for number in range(int(last_sec / step) + 1):

@@ -142,7 +142,7 @@ class RuntimeMonitor:
     Attributes:
         file: The properties file.
         properties: The properties.
-        alarms: The alarms, to which new ones are appended. Each property and each assumption is reported once.
+        alarms: The alarms so far. Each property and each assumption is reported once.
         broken: The names of the violated properties.
     """
 

@@ -96,7 +96,7 @@ def _unknown_behaviour(bound: BoundNode) -> Diagnostic:
 
 
 def described_parents(binding: Binding) -> list[BoundNode]:
-    """Return a tree's controls and decorators for which only a model exists, but no implementation."""
+    """Return a tree's controls and decorators that have a model, but no implementation."""
     return [
         node for node in binding.all_nodes() if node.spec.is_only_described and not node.spec.kind.is_leaf
     ]
@@ -225,7 +225,7 @@ class SimulatedTree:
         facts: The facts.
         leaves: The stub leaves, in pre-order.
         clock: The simulated clock for all durations.
-        disputes: A message for each fact for which leaves declare different start values and no file decides.
+        disputes: A message for each fact that leaves declare with different start values, if no file sets the fact.
         by_semantics: The tags and classes of nodes that were replaced by their semantics; see `compile_simulated`.
         enums: The numbers of the named constants in scripts.
     """
@@ -378,7 +378,7 @@ class SimulationBuilder(Builder):
 
     Attributes:
         facts: The facts.
-        disputes: A message for each fact for which leaves declare different start values.
+        disputes: A message for each fact that leaves declare with different start values.
     """
 
     def __init__(
@@ -426,7 +426,7 @@ class SimulationBuilder(Builder):
     def _integers_in(
         self, said: Sequence[Outcome], instance: TreeInstance, bound: BoundNode
     ) -> dict[str, str]:
-        """Return the integer attributes that outcome scripts use as placeholders: their text, by name."""
+        """Return the text of the integer attributes that outcome scripts use as placeholders, by name.
         scripts = [script for outcome in said for script in (outcome.when, outcome.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))

@@ -1,6 +1,6 @@
 """Stub leaves, which replace real leaves and return the outcomes that a policy chooses.
 
-The leaf's only state is its py_trees status. Outcomes change facts, which are entries of a separate board, so that
+A stub leaf's only state is its py_trees status. Outcomes change facts, which are entries of a separate board, so that
 scripts and snapshots handle them like other entries.
 """
 

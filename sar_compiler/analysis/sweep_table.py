@@ -22,7 +22,7 @@ def sweep_as_text(
         rule: The stopping rule of the rows.
         smallest: The failed run that differs least from a default run, with its row; None if no run has
             failed.
-        written: The file to which its scenario was written, and the command that replays it; None for no file.
+        written: The scenario file of this run, and the command that replays the run; None for no file.
     """
     confidence = f"{100 * rule.confidence:g} % interval"
     lines = [_row_cells(row, rule, confidence) for row in rows]

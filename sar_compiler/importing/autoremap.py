@@ -16,7 +16,7 @@ from sar_compiler.runtime.expressions import Access, NameUse, name_uses
 from sar_compiler.runtime.script import parse
 from sar_compiler.tree.model import MODEL_TAG, SUBTREE_TAG, TREE_TAG, Element, TreeFile
 
-# The attributes with scripts that are executed before the children of a node, and after them.
+# The attributes whose scripts are executed before a node's children, and those whose scripts are executed afterwards.
 _BEFORE = ("_failureIf", "_successIf", "_skipIf", "_while", "code", "if")
 _AFTER = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 # The maximum time between two turns of the executor, in seconds. If more time passes, the process is assumed to have been suspended.
 _STANDSTILL_SEC = 2.0
-# Grace time after a suspension, in seconds, in which other nodes can be discovered again: participants of Fast DDS announce themselves every three
-# seconds.
+# Grace time after a suspension, in seconds. During this time, other nodes can be discovered again: participants of Fast DDS announce themselves
+# every three seconds.
 _RECOVERY_SEC = 5.0
 # Minimum time between two grace times, in seconds, because a process may stop repeatedly, for instance if a leaf blocks.
 _SPARED_EVERY_SEC = 60.0

@@ -18,7 +18,7 @@ _DEPTH = 100
 _MOST_FRAMES = 10_000
 # The time, in seconds, in which two publishers of a frame are detected if each of them sends one transform a second.
 _CONFLICT_SEC = 2.0
-# The time after the last moving transform of a static frame for which the conflict is reported, in seconds.
+# The time, in seconds, for which a conflict is reported after the last moving transform of a static frame.
 _MOVING_SEC = 1.0
 # The sizes of parts of a serialised message, in bytes: the header, a time stamp, and the seven numbers of a transform.
 _HEAD, _STAMP, _NUMBERS = 4, 8, 56

@@ -114,7 +114,7 @@ _DEPTH = 100
 _LOOK_SEC = 0.5
 # Interval between writes to the disk, in seconds of the steady clock. If the process is killed, the messages of this time may be lost.
 _FLUSH_SEC = 1.0
-# Maximum size of the queue in bytes, and maximum time without a write at the end of a run, in seconds, after which the file is abandoned.
+# Maximum size of the queue in bytes. At the end of a run, the file is abandoned if nothing is written for the second value, in seconds.
 _MOST_WAITING = 256 << 20
 _PATIENCE_SEC = 10.0
 

@@ -22,7 +22,7 @@ _AWAITED = re.compile(
     r"(?:Configuring|Activating|Failed to change state for node:) ([\w/]+)|Waiting for service ([\w/]+)/get_state"
 )
 _ALL_ACTIVE = "Managed nodes are active"
-# Time after the manager's message in which its node is discovered if it exists, in seconds of the steady clock.
+# If the node in a manager's message exists, it is discovered within this time, in seconds of the steady clock.
 _DISCOVERED_SEC = 2.0
 
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _STANDS_MPS, _STANDS_RADPS, _STANDS_SEC = 0.02, 0.05, 0.5
 # Maximum time without a transform from `map`, in seconds. AMCL publishes about ten transforms a second while the robot's scanner works.
 TRANSFORM_SEC = 3.0
-# Maximum time since the last odometry for which the odometry shows the current motion, in seconds of awake time.
+# Odometry shows the current motion for at most this time after its arrival, in seconds of awake time.
 _FRESH_SEC = 1.0
 # Maximum age of odometry and transforms according to their time stamps, in seconds of the node's clock.
 _MAX_AGE_SEC = 30.0

@@ -19,7 +19,7 @@ from sar_compiler.ros.frame_sources import listener_name
 from sar_compiler.ros.graph_queries import ros_graph
 from sar_compiler.ros.readiness import SHADOW_SEC, Requirement
 
-# The share of the settling time for discovery in which the claims of nodes that are already discovered arrive.
+# The claims of nodes that are already discovered arrive within this share of the settling time for discovery.
 _SHARE = 0.5
 CLAIMS = "/_mission"
 """The suffix of the topic for claims to an action. The name of the topic is the action's name with this suffix."""

@@ -82,7 +82,7 @@ _POINTS = 200
 _LOOK_SEC = 0.5
 # Maximum number of log lines that are queued until the node reads them.
 _LINES = 200
-# Maximum length of a log line in characters, and maximum number of other nodes' lines between two checks, because any node can write to the log.
+# Maximum length of a log line in characters, and maximum number of other nodes' lines between two checks. Any node can write to the log.
 _LONGEST, _OTHERS = 2000, 20
 
 

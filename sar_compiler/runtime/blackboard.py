@@ -52,7 +52,7 @@ class Board:
     Attributes:
         is_numbered: Whether the entries store numbers that stand for values, instead of the values; see `NumberedBoard`.
         stamps: The number of writes of each existing entry, by absolute name.
-        kinds: The type of each declared entry, by absolute name; None if the entry may have any type. A declared entry may not exist yet.
+        kinds: The type of each declared entry, by absolute name; None if the entry may have any type. A declared entry need not exist.
             `stamps` and `kinds` are never replaced, because compiled scripts hold references to these dictionaries.
     """
 
@@ -141,7 +141,7 @@ class Board:
 
 
 class Entry(NamedTuple):
-    """A reference to an entry of the blackboard. The entry may not have a value yet.
+    """A reference to an entry of the blackboard. The entry need not have a value.
 
     Attributes:
         board: The board that contains the entry.

@@ -84,7 +84,7 @@ class Prediction:
         stopped: Whether the search or the computation was stopped; numbers that were not computed have the bounds 0
             and 1.
         left_out: The properties that do not apply to the tree.
-        undecided: The reasons why runs were not explored, or conditions were not evaluated: they need unknown values.
+        undecided: The reasons why runs or conditions are undecided. Each of these needs an unknown value.
             The bounds of probabilities hold for all unknown values. Times, distribution and influences are missing.
         merged: The keys and facts whose values were merged, because no run can distinguish them.
     """

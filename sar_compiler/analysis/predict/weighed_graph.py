@@ -252,7 +252,7 @@ class ProbabilityGraph:
         order = np.argsort(self._target, kind="stable")
         ends = np.cumsum(np.bincount(self._target, minlength=self._count))
         sources, outcomes = self._source[order], self._outcome[order]
-        # For each place, the outcomes whose steps all avoid the goal. A place avoids it if their probability can be 1.
+        # For each place, the outcomes whose steps all avoid the goal. A place avoids the goal if their total probability can be 1.
         safe = np.ones((self._count, width), bool)
         waiting = deque(np.flatnonzero(goal))
         while waiting:

@@ -129,7 +129,7 @@ class AloneNode(DecoratorNode):
         return 2 if ticker.cells[self.child.status_cell] == RUNNING else 1
 
     def begin(self, ticker: Ticker) -> int:
-        """Tick the branch or halt it, as the choice of this tick requires."""
+        """Tick the branch or halt it, depending on the choice in this tick."""
         if self._choices.pick(self.branch_count(ticker)):
             self.child.stop(ticker)
             return INVALID
@@ -143,7 +143,7 @@ class AloneNode(DecoratorNode):
 class AllNode(ParallelNode):
     """A Parallel node whose children must all succeed.
 
-    It has fewer children than in the tree, because some are joined.
+    Joined branches count as one child, so the node may have fewer children than in the original tree.
     """
 
     def threshold(self, port: str, wanted: int) -> int:  # noqa: ARG002 - it refers to the children before the join

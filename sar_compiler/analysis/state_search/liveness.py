@@ -106,7 +106,7 @@ def owing_for_ever(graph: Graph, debt: int) -> list[int] | None:
 
 
 def _can_any_end(graph: Graph, places: list[int], can_end: vec[u8], ends: vec[u8]) -> bool:
-    """Return whether some step from the given places leads to a place from which a run can end."""
+    """Return whether any step from the given places leads to a place from which a run can end."""
     for place in places:
         steps, step, behind_last = graph.leading_from(place)
         # From an unexplored place an end may be reachable. If all steps raise errors, the run has ended.

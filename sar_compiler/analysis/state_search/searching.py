@@ -24,15 +24,15 @@ from sar_compiler.analysis.state_search.numbering import Middles, Numbering
 from sar_compiler.analysis.state_search.trail import Waits
 from sar_compiler.budget import Progress
 
-# The number of ticks between two reports of the progress, at which the search can be stopped.
+# The number of ticks between two progress reports. Each report can stop the search.
 _REPORT_EVERY: Final = 256
 _WAITS_BITS: Final = 28
 _WAITS: Final = (1 << _WAITS_BITS) - 1
-"""A mask for steps that are packed into one number. These bits contain the step's effect on the waits."""
+"""The bits of a packed step that contain the step's effect on the waits."""
 _NO_TARGET: Final = (1 << 31) - 1
-"""The value that stands for the missing target of a step whose tick raises an error."""
+"""The target of a step whose tick raises an error."""
 _MANY_TARGETS: Final = -1
-"""The value that stands for the target of a place from which several states can be reached."""
+"""The target of a place from which several states can be reached."""
 _LINEAR_LIMIT: Final = 32
 """The number of steps up to which a linear search of a list is faster than a set."""
 _PACKED_BITS: Final = 20

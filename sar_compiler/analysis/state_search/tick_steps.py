@@ -55,7 +55,7 @@ class TickSteps(Stepper):
         self._question: tuple[int, int, bool | None] = (0, 0, None)
         self._ask: Callable[[], Judgement] = self._judge_tick
         self._is_fresh = True
-        # The state whose ticks are played, and the head of its code, with which it is judged again.
+        # The state whose ticks are played, and the head of the state's code, for judging the state again.
         self._entered, self._entered_head = b"", (0, 0)
         self._entries = ticker.entries.now
         self._first = self._write_state(0, 0)

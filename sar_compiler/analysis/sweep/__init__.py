@@ -83,7 +83,7 @@ class StoppingRule:
 
     Attributes:
         runs: The maximum number of runs.
-        half_width: The half-width of the confidence interval at which the runs end.
+        half_width: The runs end when the half-width of the confidence interval is at most this value.
         confidence: The confidence of the interval, between 0 and 1.
         batch: The number of runs between two checks of the condition.
     """
@@ -156,7 +156,7 @@ def sweep(
     Args:
         rows: The rows, to which the results are added.
         rule: The stopping rule.
-        seed: The seed of the first run of each row; the following runs have the following numbers.
+        seed: The seed of the first run of each row. Later runs of the row have consecutive seeds.
         workers: The executor of the runs.
         report: Called with the rows after each batch.
 

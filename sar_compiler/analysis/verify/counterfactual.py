@@ -24,7 +24,7 @@ _MAX_FOLLOWED = 12
 
 
 class Counterfactual(NamedTuple):
-    """A changed outcome with which a run would have succeeded.
+    """A changed outcome that would have made a run succeed.
 
     Attributes:
         tick: The number of the latest tick in which the outcome could have been different.
@@ -49,7 +49,7 @@ class WhatIfResult(NamedTuple):
     Attributes:
         was: The outcome of the leaf.
         instead: The changed outcome.
-        then: The leaf outcomes after the changed outcome, usual ones if possible, except for RUNNING.
+        then: The leaf outcomes after the changed outcome, except for RUNNING. Usual outcomes are preferred.
         root: The final status of the root; RUNNING if the tree continues after the explored ticks.
     """
 
@@ -79,7 +79,7 @@ def counterfactual(
     """
     runs = TreeRuns(simulated, names)
     after = _Continuations(runs)
-    # The possible changes of a tick depend only on its matches, so only the latest of ticks with equal matches is kept.
+    # The possible changes of a tick depend only on its matches. So among ticks with equal matches, only the latest is kept.
     moments: dict[int, FoundTick] = {}
     for moment in reversed(runs.locate_all(record)):
         moments.setdefault(id(moment.matches), moment)

@@ -461,7 +461,7 @@ class Properties:
 
     @property
     def asks_for_idle(self) -> bool:
-        """Whether any condition reads `idle`, which is true if every tick leaves the tree unchanged."""
+        """Whether any condition reads `idle`. This variable is true if every tick leaves the tree unchanged."""
         return any(IDLE in condition.names for condition in self.conditions)
 
     def events(self, number: int) -> set[int]:

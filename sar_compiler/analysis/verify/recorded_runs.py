@@ -163,7 +163,7 @@ class PossibleTick(NamedTuple):
 
 
 def _common(outcomes: Sequence[Event], recorded: Sequence[Event], before: ObservedPrefix) -> tuple[int, int]:
-    """Return the result that `PossibleTick.common` has for a tick with the given outcomes."""
+    """Return the result of `PossibleTick.common` for a tick with the given outcomes."""
     observed = ObservedPrefix({}, {})
     count = 0
     for place, outcome in enumerate(outcomes):

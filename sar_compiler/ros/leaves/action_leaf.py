@@ -34,7 +34,7 @@ _LONGEST_PAUSE = 8.0
 _HOLDS_AT = 3
 # If a robot has driven this distance on a goal, in metres, it makes progress, and the failures are counted from 0 again.
 _PROGRESS_M = 0.5
-# Maximum time, in seconds, by which Nav2 may log the reason for the end of a goal before or after this end.
+# Nav2 logs the reason for the end of a goal at most this time, in seconds, before or after the end.
 _REASON_BEFORE_SEC, _REASON_AFTER_SEC = 1.0, 0.3
 
 

@@ -25,7 +25,7 @@ _FOLDERS = {
     f"{_PACKAGE.name}.{name}": _PACKAGE.joinpath(*name.split("."))
     for name in ("runtime.kernel", "analysis.state_search")
 }
-"""The packages whose modules are compiled, and the folder of each. The folder of `state_search` may not exist."""
+"""The packages whose modules are compiled, and the folder of each. The folder of `state_search` can be missing."""
 _RECORD = _FOLDERS[__name__] / "compiled.json"
 """The file in which `setup.py` stores the digests of the compiled modules' sources."""
 

@@ -68,7 +68,7 @@ class GuardedNode(DecoratorNode):
 
     Attributes:
         child_runs: The cell that contains 1 while the child runs.
-        why_not: The feedback message if the child may not start.
+        why_not: The feedback message if the child is not allowed to start.
     """
 
     why_not = ""
@@ -90,7 +90,7 @@ class GuardedNode(DecoratorNode):
         raise NotImplementedError
 
     def blocked_outcome(self) -> int:
-        """Return the node's outcome for the case that the child may not start."""
+        """Return the node's outcome if the child is not allowed to start."""
         raise NotImplementedError
 
     def on_child_outcome(self, ticker: Ticker, outcome: int) -> int:
@@ -141,7 +141,7 @@ class UpdateGuardNode(GuardedNode):
         return is_news(self.entry, self.seen, ticker)
 
     def blocked_outcome(self) -> int:
-        """Return the node's outcome for the case that the entry was not written."""
+        """Return the node's outcome if the entry was not written."""
         return self.unless_written
 
 
