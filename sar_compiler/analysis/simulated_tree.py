@@ -426,7 +426,7 @@ class SimulationBuilder(Builder):
     def _integers_in(
         self, said: Sequence[Outcome], instance: TreeInstance, bound: BoundNode
     ) -> dict[str, str]:
-        """Return the text of the integer attributes that outcome scripts use as placeholders, by name.
+        """Return the text of the integer attributes that outcome scripts use as placeholders, by name."""
         scripts = [script for outcome in said for script in (outcome.when, outcome.then)]
         return {
             parameter.name: number_text(self._source.fixed_value(instance, bound, parameter))

@@ -35,8 +35,7 @@ _BRAKES_SEC, _LATEST_SEC = 0.7, 2.0
 # Maximum time from the end of an aborted goal to a motion that is attributed to the goal, in seconds. On a busy machine, Nav2's controller can
 # start to execute a goal seconds after the navigator has aborted it (3 s were observed).
 _LATEST_ABORTED_SEC = 10.0
-# If a motion after an aborted goal lasts for this time, in seconds, all goals are cancelled. Nav2's controller may not know that the goal has
-# ended.
+# If a motion after an aborted goal lasts this long, in seconds, all goals are cancelled. Nav2's controller may still execute the goal.
 _ABORTED_SEC = 0.3
 # Interval at which all goals are cancelled while the robot still moves, in seconds of the steady clock.
 _CANCEL_SEC = 1.0

@@ -51,11 +51,9 @@ from sar_compiler.ros.readiness import Requirement
 
 # Interval between two requests to cancel a goal, in seconds of the steady clock.
 _PERIOD_SEC = 1.0
-# If a server has not responded to any request for this time, in seconds, the clients are replaced: the server may not have discovered their
-# readers.
+# If a server has not responded for this time, in seconds, the clients are replaced: the server may not have discovered their readers.
 _RENEWAL_SEC = 5.0
-# Time for which a server must report a goal as unknown, in seconds. Before, it may still receive a goal that was sent just before the client
-# crashed.
+# Time for which a server must report a goal as unknown, in seconds. The goal may still arrive if it was sent just before the client crashed.
 UNKNOWN_SEC = 3.0
 _TURN_SEC = 0.05
 
