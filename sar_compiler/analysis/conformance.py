@@ -444,7 +444,7 @@ class _PropertyEvaluation:
         self._has_ended = False
         self._open = 0
         self._last = FoundTick(0, 0.0, ())
-        # For each possible state of the run: the properties that some path to it, or every path, violates, as bits.
+        # For each possible state of the run, as bits: the properties that some path to the state violates, or that every path violates.
         self._some = dict.fromkeys(recorded.runs.starts, 0)
         self._each = dict(self._some)
         # By property: the first violation on some path, and the tick after which every path has a violation.

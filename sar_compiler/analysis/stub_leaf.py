@@ -65,12 +65,12 @@ class FactVariables:
     Args:
         facts: The scope of the facts.
         keys: The scope of the leaf's tree.
-        enums: The names that stand for numbers.
+        enums: The named constants.
         leaf: The name of the leaf.
         named: Further entries, by names that are not keys.
 
     Attributes:
-        enums: The names that stand for numbers.
+        enums: The named constants.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class StubLeaf(SkippableLeaf):
         tag: The tag of the replaced leaf.
         outcomes: The possible outcomes of the replaced leaf, without placeholders in their scripts.
         variables: The variables of scripts: facts, and keys of the tree.
-        enums: The names that stand for numbers.
+        enums: The named constants.
 
     Attributes:
         tag: The tag of the replaced leaf.

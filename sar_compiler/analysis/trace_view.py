@@ -135,7 +135,7 @@ class _TraceWriter:
     def _is_done(self, event: Event) -> bool:
         """Return whether to list an event in a summary.
 
-        Listed are halts, and ends of leaves that are not conditions.
+        The summary lists halts, and ends of leaves that are not conditions.
         """
         return event.status != "RUNNING" and event.number not in self._conditions
 

@@ -144,7 +144,7 @@ def is_plain(tree: BoundTree) -> bool:
 
 
 def _script_of(bound: BoundNode) -> Script | None:
-    """Return the script of a node that is a leaf with exactly one script, or None for any other node."""
+    """Return the script of a leaf with exactly one script, or None for any other node."""
     scripts = [each for each in bound.values.values() if isinstance(each, Script)]
     return scripts[0] if len(scripts) == 1 and not bound.children else None
 

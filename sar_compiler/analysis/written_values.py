@@ -52,7 +52,7 @@ def compare_with_written_values(
 
     Args:
         binding: The tree.
-        compare: Compares the run, given such assumptions.
+        compare: Compares the run under the given assumptions.
 
     Raises:
         UndecidableError: If the run depends on an unknown value and fits none of the tried values; as for *compare*.

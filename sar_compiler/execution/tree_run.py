@@ -62,8 +62,8 @@ if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World
 
-# Maximum duration of one turn of the executor, in seconds: outside of ticking, and while the tree is ticked. Signals are handled between two turns.
-# In a stepped simulation, a turn includes all pending work.
+# Maximum duration of one turn of the executor, in seconds: the first while the tree is not ticked, the second while it is ticked. Signals are
+# handled between two turns. In a stepped simulation, a turn includes all pending work.
 _TURN_SEC, _TICKING_TURN_SEC = 0.05, 0.1
 
 # A run that a signal has stopped exits with this status plus the signal's number.

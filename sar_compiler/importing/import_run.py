@@ -150,7 +150,7 @@ def _is_possible(journal: Path, tree: "RunTree", writer: JournalWriter) -> bool:
             is_imported=True,
             earlier=runs[:-1],
         )
-    except SarError:  # for example, the tree contains a control that is only described
+    except SarError:  # for example, a control of the tree has only a model
         return True
     return found.misfit is None
 

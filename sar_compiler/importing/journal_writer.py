@@ -126,7 +126,7 @@ class JournalWriter:
             quote_lines(self._lines_between(last - _LOGGED_BEFORE_SEC, at)) if end is GoalEnd.FAILED else ""
         )
         reason = f"Nav2 has reported '{end.value}'{f'. {quoted}' if quoted else ''}"
-        # `Ending.OVER` is only the end of a run whose last tick is known.
+        # Only a run whose last tick is known ends with `Ending.OVER`.
         ending = Ending.FAILED if end is GoalEnd.FAILED else Ending.STOPPED
         return RunEnd(self._run, recording.began + at, ending, int(end is not GoalEnd.SUCCEEDED), reason)
 

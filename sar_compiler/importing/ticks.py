@@ -301,7 +301,7 @@ class TickFinder:
         return bool(messages) and messages[index] != messages[index - 1]
 
     def _is_ticked(self, uid: int) -> bool:
-        """Return whether a node can be ticked. It cannot while an ancestor waits for the result of the ancestor's condition.
+        """Return whether a node can be ticked: no ancestor is waiting for the result of the ancestor's condition.
 
         A WhileDoElse may wait for its condition without halting its other children.
         """
@@ -699,7 +699,7 @@ class TickFinder:
             or not self._is_close(index - 1, index)
         ):
             return False
-        # If a child before that one follows, the next tick has begun.
+        # If an earlier child changes next, the next tick has begun.
         is_in_next = index + 1 < len(uids) and leaf < uids[index + 1] < self._ends[parent]
         is_in_next &= self._ends[uids[index + 1]] <= uids[index - 1] if is_in_next else False
         return not is_in_next or self._recording.statuses[index + 1] == IDLE

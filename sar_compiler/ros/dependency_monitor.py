@@ -352,7 +352,7 @@ class _Localisation:
             if now - since >= _RESPAWN_SEC:
                 self._unconfigured_since[each.name] = math.inf  # once
                 name = self._node.resolve_service_name(f"{each.name}/get_state").removesuffix("/get_state")
-                # The lifecycle manager cannot do this: its version 1.3.13 waits forever for a response of the crashed process.
+                # The lifecycle manager cannot take these steps: its version 1.3.13 waits forever for a response of the crashed process.
                 steps = " && ".join(f"ros2 lifecycle set {name} {step}" for step in ("configure", "activate"))
                 yield f"{each.name} was restarted, but Nav2's lifecycle manager has not configured it. Run: {steps}"
 

@@ -287,7 +287,7 @@ def give_up(root: Behaviour, error: Exception, node: Node) -> NoReturn:
         SetupFailedError: If a behaviour's setup raised the exception.
         Exception: The original exception, if it is a `SarError` or was not raised by a behaviour.
     """
-    # The engine has called the setup of the outermost behaviour that the exception has passed. All behaviours before it are set up.
+    # The engine has called the setup of the first behaviour in the traceback. All behaviours before it are set up.
     called = next(iter(_behaviours_passed(error)), None)
     ready = list(takewhile(lambda behaviour: behaviour is not called, root.iterate()))
     stop_leaves(ready, node)

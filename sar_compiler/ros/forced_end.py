@@ -54,7 +54,7 @@ class ForcedEnd:
 
         def cancel() -> int | None:
             self._print(f"stopped although {where}")
-            # Leaves may have to stop other work than goals. If a leaf also blocks here, the process ends without it.
+            # Leaves may have to stop work other than goals. If a leaf blocks here as well, the process ends without waiting for the leaf.
             call_with_limit(_LEAVES_SEC, lambda: send_cancels(self._root, self._node))
             active = self._cancel(settle_sec) if self._cancel is not None else []
             if not active:

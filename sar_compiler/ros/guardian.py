@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from sar_compiler.ros.orphaned_goals import OrphanedGoal
 
 MAY_MOVE_SIGN = b"!"
-"""The message with which the guardian reports to the supervisor of the mission that it has not observed the end of a goal."""
+"""The guardian's message to the mission's supervisor that the end of a goal was not observed."""
 
 # The first characters of the lines to the guardian: a goal was sent, a goal has ended, a heartbeat.
 _SENT, _OVER, _BEAT = "+", "-", "."
@@ -48,7 +48,7 @@ _GRACE_SEC = 2.0
 _TRYING_SEC = 10.0
 # Interval of the checks for heartbeats, in seconds. If a check takes longer than the second value, this process itself was suspended.
 _LOOK_SEC, _OWN_PAUSE_SEC = 0.25, 1.0
-# Maximum time for which the end of a run waits for the guardian, in seconds. A guardian that still cancels goals does not need the mission.
+# Maximum time for which the end of a run waits for the guardian, in seconds. The guardian can cancel goals without the mission.
 _ENDING_SEC = 1.0
 # If the guardian has ended this many times in a row, each time within this many seconds of its start, it is not replaced again.
 _ATTEMPTS, _BRIEF_SEC = 3, 10.0

@@ -40,7 +40,7 @@ _PLANAR_VARIANCES = (0, 7, 35)
 # Maximum difference between a time stamp and the node's clock, in seconds. AMCL stamps its transforms one second ahead, and the clocks of two
 # machines differ slightly. Simulated time and messages arrive late: at 50 times real time, a delay of half a second is 25 simulated seconds.
 _APART_SEC, _SIMULATED_APART_SEC = 2.0, 30.0
-# If a time stamp differs by more from the node's clock, in seconds, the publisher uses another clock.
+# If a time stamp differs from the node's clock by more than this time, in seconds, the publisher uses another clock.
 _ANOTHER_CLOCK_SEC = 86_400.0
 # A problem is reported again if it recurs after the first of these times, in seconds. A stale time stamp is only reported if it persists for the
 # second time, because after a suspension this process first receives older messages.

@@ -36,7 +36,7 @@ from sar_compiler.ros.message_values import (
 )
 from sar_compiler.ros.robot_estimate import robot_estimate
 
-# Maximum number of pixels of an image. Of a larger map, only every second, third, … cell is drawn.
+# Maximum number of pixels of an image. For a larger map, only every second, third, … cell is drawn.
 _CELLS = 4_000_000
 # The grey value of unknown cells. As in map_saver's images, free cells are white and occupied cells are black.
 _UNKNOWN = 205
@@ -150,8 +150,8 @@ class RobotObserver:
         """Record due messages, changes of the reason why the robot cannot drive, and the number of omitted log lines."""
         for kind in tuple(self._newest):
             self._record(kind)
-        # If the localisation stops, Nav2 usually fails, too. The lost localisation is then recorded, because it is the cause and more urgent: the
-        # robot's position is unknown.
+        # If the localisation stops, Nav2 usually fails, too. Then only the lost localisation is recorded: it is the cause, and the robot's
+        # position is unknown.
         lost = self._robot.lost_transforms()
         if (lacks := (lost or self._robot.lacks, bool(lost))) != self._lacks:
             self._lacks = lacks

@@ -50,7 +50,7 @@ _JUNCTIONS: Mapping[str, Callable[[], ast.operator]] = {"&&": ast.BitAnd, "||": 
 # Each order comparison is the negation of the opposite one, so it is true for NaN, as in `operators.compare`.
 _DENIED: Mapping[str, Callable[[], ast.cmpop]] = {"<": ast.GtE, ">": ast.LtE, "<=": ast.Gt, ">=": ast.Lt}
 _COMPARISONS = frozenset(("==", "!=", *_DENIED))
-# The names in the generated code of functions that accept any values, by operator.
+# For each operator, the name that the generated code uses for the function that accepts any values.
 _CALCULATE = {"+": "add", "..": "join", "&": "bits_of_both", "|": "bits_of_any", "^": "bits_of_one"}
 
 

@@ -216,7 +216,7 @@ class ProbabilityGraph:
         return found
 
     def _outcome_values(self, values: Reals) -> Reals:
-        """Return the expected value that follows each outcome of each place."""
+        """Return the expected value after each outcome of each place."""
         width = self._low.shape[1]
         worth = np.bincount(
             self._source * width + self._outcome, self._share * values[self._target], self._count * width

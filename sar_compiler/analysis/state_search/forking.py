@@ -50,9 +50,9 @@ from sar_compiler.runtime.kernel.entry_cells import EntryCells
 from sar_compiler.runtime.kernel.tree_nodes import Ticker, TreeNode
 
 KNOWN: Final = 6
-"""A value returned instead of an outcome. The tick has reached a place that another tick has reached before."""
+"""A value returned instead of an outcome if the tick has reached a place that another tick has reached before."""
 ENTERED: Final = 7
-"""A value returned instead of an outcome. The tick has reached a new intermediate state, and continues there."""
+"""A value returned instead of an outcome if the tick has reached a new intermediate state, where it continues."""
 
 
 class Fork:

@@ -10,7 +10,7 @@ from sar_compiler.runtime.kernel.cells import RUNNING
 _CONTINUES: Final = 128
 """The bit that is set in every byte of a number except the last byte."""
 _HALF_FULL: Final = 15
-"""The maximum value of half a byte. A number that is not smaller continues in further bytes."""
+"""The maximum value of half a byte. A number of at least this value continues in further bytes."""
 _LONGEST: Final = 21
 """The maximum number of bytes that encode a place and the content of this place."""
 

@@ -242,7 +242,7 @@ _UP: Final = 2
 class ChosenTimes(Times):
     """Provides timers for a search.
 
-    Each check of a timer tries both: the timer has expired or has not expired.
+    Each check of a timer tries both possibilities: that the timer has expired, and that it has not.
 
     Args:
         choices: Decide whether a timer has expired.

@@ -47,7 +47,7 @@ def wilson(successes: int, runs: int, confidence: float) -> Interval:
     return Interval(low, 1.0 if successes == runs else centre + spread)
 
 
-# The number of times that workers can terminate during the same batch until the sweep ends.
+# The number of times that workers may terminate during the same batch before the sweep ends.
 _MAX_ATTEMPTS = 4
 
 

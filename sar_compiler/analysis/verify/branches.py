@@ -91,7 +91,7 @@ class EntrySharing:
                 self._changed.add(entry.name)
 
     def is_apart(self, branch: Behaviour) -> bool:
-        """Return whether neither other parts of the tree nor properties use the changing entries of a branch."""
+        """Return whether the changing entries of a branch are used only inside the branch, and by no property."""
         if branch.id not in self._origins:
             return False
         made = self._origins.construction(branch.id)
@@ -270,7 +270,7 @@ def search_branch(prepared: PreparedTree, root: Behaviour, pair: Sequence[Branch
 
 
 def _always_ends(graph: Graph, runs: Sequence[bool]) -> bool:
-    """Return whether all fair runs of a branch end, and whether an idle branch waits for nothing.
+    """Return whether all fair runs of a branch end, and an idle branch waits for nothing.
 
     The waits of a branch end with the branch, so runs of the tree in which the branch ends repeatedly are fair.
     """

@@ -182,7 +182,7 @@ class TreeStepper:
     def states_after_halt(self, state: bytes, *, begins: bool = False) -> Iterator[bytes]:
         """Yield the states that are possible after a BehaviorTree.CPP program has halted the tree.
 
-        `Tree::haltTree` halts the running nodes, and then each node, although it does not run. So each `_onHalted` runs once more.
+        `Tree::haltTree` halts the running nodes, and then every node, even if it is not running. So each `_onHalted` runs once more.
 
         Args:
             state: The state.

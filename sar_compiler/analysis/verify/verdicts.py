@@ -181,7 +181,7 @@ class ProofQuestions:
         breach = self._graph.breaches.get(rule)
         if breach is None:
             return self._not_violated(OWN_RECORDS)
-        # Creating the trace plays the run, after which `wrong` describes the deviation in the last tick.
+        # Creating the trace plays the run. Then `wrong` describes the deviation in the last tick.
         trace = self._space.breach(breach)
         return _violation(OWN_RECORDS, wrong(), trace)
 

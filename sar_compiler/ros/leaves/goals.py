@@ -700,7 +700,7 @@ class ActionGoal(PendingCall):
             self._granted = True
             self._query_result()
         elif response.return_code == response.ERROR_UNKNOWN_GOAL_ID:
-            # A server that has accepted the goal and no longer knows it was restarted. A goal that is unknown long after it was sent
+            # If a server has accepted the goal and no longer knows it, the server was restarted. If a goal is unknown long after it was sent, it
             # has not arrived.
             if self._is_accepted or self._is_too_late:
                 self._on_end(UNKNOWN)

@@ -30,7 +30,7 @@ _FAILURE: Final[Any] = Status.FAILURE
 
 
 IS_2_3: Final = not hasattr(decorators, "ForEach")
-"""Whether the installed py_trees has version 2.3, which behaves slightly differently."""
+"""Whether the installed py_trees is version 2.3, whose behaviour differs slightly from that of later versions."""
 
 
 def number_of(status: Any) -> int:

@@ -153,7 +153,7 @@ class ParallelAllNode(CountingNode):
     """A parallel node that ends when all children have ended.
 
     Attributes:
-        too_many: The cell that stores the number of failures with which the node fails; used only during a tick.
+        too_many: The cell that stores the number of failures that makes the node fail; used only during a tick.
     """
 
     def __init__(self, part: NodeBuilder) -> None:

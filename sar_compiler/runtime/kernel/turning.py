@@ -115,7 +115,7 @@ class PreconditionNode(GuardedNode):
         return bool(self.script.holds())
 
     def blocked_outcome(self) -> int:
-        """Return the outcome that the node is configured to return if the condition is false."""
+        """Return the configured outcome for a false condition."""
         return number_of(self.behaviour.else_.get().status) or SKIPPED
 
 
