@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from sar_compiler.journal.journal import Journal
 
 # Command services have no field for the author, so `std_srvs/srv/Trigger` is enough for most commands. Before a client calls `~/pause`, it sets
-# the node's parameter `ordered_by.pause` to the author's name, or to a name, a reason and the objects that the author saw (JSON).
+# the parameter `ordered_by.pause` of the mission's node: to the author's name, or to the name, a reason and the objects that the author saw
+# (JSON).
 _PARAMETER = "ordered_by"
 _UNNAMED_AUTHOR = "a service call"
 # Maximum time from an announcement to its service call, in seconds of the steady clock.

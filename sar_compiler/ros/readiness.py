@@ -338,8 +338,8 @@ def _failed_bringup(states: Mapping[str, str], named: str) -> tuple[str, str]:
     return next(name for name in states if states[name] != "active"), "failed to activate"
 
 
-# Maximum time for which a killed server stays in the ROS graph, in seconds (the default of the middleware is 20 s). Of two servers, one may have
-# been killed.
+# Maximum time for which a killed server stays in the ROS graph, in seconds (the default of the middleware is 20 s). If there are two servers, one
+# may have been killed.
 SHADOW_SEC = 22.0
 
 _PROGRESS_PERIOD_SEC = 5.0

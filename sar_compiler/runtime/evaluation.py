@@ -258,7 +258,7 @@ def failure(text: str, node: Expression, error: VariableError) -> EvaluationErro
 
 
 def _definition_hint(name: str) -> str:
-    # An assignment to the name of a C++ program's enumerator would hide its number.
+    # An assignment to the name of a C++ program's enumerator would hide the enumerator's number.
     if name.isupper():
         enumerator = "add an enumerator of the C++ program to [language.enums] in sar.toml"
         return f"{enumerator}, or create a variable with {name} := ..."

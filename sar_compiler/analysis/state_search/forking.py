@@ -173,9 +173,7 @@ class ForkingTicker(Ticker):
     def next_fork(self) -> int:
         """Restore the last fork with an untried option.
 
-        Return how many of the later forks are at intermediate states.
-
-        The result is -1 if no fork has an untried option.
+        Return the number of later forks that are at intermediate states, or -1 if no fork has an untried option.
         """
         choice = self.choices.advance()
         if choice < 0:

@@ -336,7 +336,7 @@ class ActionPort:
 
     @property
     def is_usable(self) -> bool:
-        """Whether messages can be sent, because the node exists and ROS is not shut down."""
+        """Whether messages can be sent: the node exists and ROS is not shut down."""
         return is_node_valid(self._node)
 
     def warn(self, text: str) -> None:
