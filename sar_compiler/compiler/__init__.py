@@ -36,7 +36,7 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.guessing import nearest
 from sar_compiler.tree.model import SUBTREE_TAG, TreeFile
 
-# Looked up once: in Python 3.11, access to an enumeration member is slow, and every port needs these two.
+# Looked up once, because access to enumeration members is slow in Python 3.11, and every port needs these two.
 _INOUT, _OUTPUT = Direction.INOUT, Direction.OUTPUT
 
 
@@ -46,8 +46,8 @@ class Origin:
 
     Attributes:
         bound: The bound node.
-        attributes: The values and references passed to the behaviour: blackboard keys in braces if their value was
-            unknown, references as names.
+        attributes: The values passed to the behaviour. A blackboard key with an unknown value is in braces, and a
+            reference is the name of the node.
         uses: The resources outside the tree that the behaviour needs, with the placeholders in their names replaced.
     """
 
@@ -85,7 +85,7 @@ class Origins(Mapping[UUID, Origin]):
 
     @functools.cached_property
     def _by_id(self) -> dict[UUID, Construction]:
-        # Not during compilation: hashing an id takes as long as all other bookkeeping for a node.
+        # Built on first use, because hashing the ids would double the cost of the records during compilation.
         return {each.behaviour: each for each in self._constructions}
 
     def __getitem__(self, behaviour: UUID) -> Origin:
@@ -121,7 +121,7 @@ class Origins(Mapping[UUID, Origin]):
         return len(self._constructions)
 
 
-# The origins of each compiled tree by its root, for callers that have only a failed behaviour. Neither is kept alive.
+# The origins of each compiled tree by its root, for callers that have only a failed behaviour. Both are weak references.
 _of_trees: "weakref.WeakKeyDictionary[Behaviour, weakref.ref[Origins]]" = weakref.WeakKeyDictionary()
 
 
@@ -131,7 +131,7 @@ def register_origins(root: Behaviour, origins: Origins) -> None:
 
 
 def file_and_line_of(behaviour: Behaviour) -> str | None:
-    """Return the file and line of a behaviour, or of its nearest ancestor that a file contains, or None."""
+    """Return the file and line of a behaviour, or of its nearest ancestor from a file; None if neither exists."""
     around: list[Behaviour] = []
     each: Behaviour | None = behaviour
     while each is not None:
@@ -164,7 +164,7 @@ def _attributes(instance: TreeInstance, bound: BoundNode, known: Mapping[str, An
 
 
 def _uses(instance: TreeInstance, bound: BoundNode, attributes: Mapping[str, object]) -> Iterator[Use]:
-    """Yield the external resources that a node needs, except resources whose names depend on unknown keys."""
+    """Yield the external resources that a node needs, unless their names depend on unknown keys."""
     ports = {each.name for each in bound.spec.ports}
     entries = {name: instance.scope.resolve(key) for name, key in bound.keys.items() if name in ports}
     known = {name: entry for name, entry in entries.items() if entry.exists and not entry.is_unknown}
@@ -175,7 +175,7 @@ def _uses(instance: TreeInstance, bound: BoundNode, attributes: Mapping[str, obj
 
 
 class Arguments:
-    """The constructor arguments of nodes, except for children and references.
+    """Provider of the constructor arguments of nodes, except for children and references.
 
     Args:
         context: The objects that the mission provides, by type.
@@ -327,7 +327,7 @@ def _as_text(value: object) -> str:
 
 
 class PreviewArguments(Arguments):
-    """The constructor arguments of nodes for a preview.
+    """Provider of the constructor arguments for a preview.
 
     Placeholders replace the mission's objects and parameters.
     """
@@ -374,7 +374,7 @@ class Builder:
         self._source = arguments
         self._collector = collector
         self._skipping = SkipAnalysis(binding.used_trees())
-        # Targets of references may be needed before their turn, so they are stored when they are built.
+        # A reference may need its target before the tree order reaches it, so built targets are stored.
         self._targets: set[BoundNode] = set()
         self._built: dict[tuple[TreeInstance, BoundNode], Behaviour] = {}
         self._arguments: dict[tuple[TreeInstance, BoundNode], dict[str, Any]] = {}
@@ -494,7 +494,7 @@ class Builder:
         return None
 
     def known_values(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Return the values that constant attributes have read from the blackboard, or None without keys."""
+        """Return the values that constant attributes have read from the blackboard; None if the node names no key."""
         if not bound.keys:
             return None
         return {parameter.name: arguments[parameter.name] for parameter in bound.spec.constant_attributes}
@@ -502,9 +502,9 @@ class Builder:
     def _maker(self, bound: BoundNode) -> Any:
         """Return the factory of a node.
 
-        If the py_trees class would misinterpret a skip, return a replacement's factory.
+        If the py_trees class would misinterpret a skip, return the factory of a replacement.
 
-        A node that has only a model becomes a stock behaviour of its kind, unless `prepare` has reported it.
+        For a node that has only a model, return the factory of a py_trees behaviour of the same kind.
         """
         spec = bound.spec
         replacement = spec.skipping.replacement
@@ -520,7 +520,7 @@ class PreviewBuilder(Builder):
         """Report nothing, because a py_trees behaviour of the same kind replaces the node."""
 
     def stand_in(self, bound: BoundNode, arguments: Mapping[str, Any]) -> Behaviour | None:
-        """Return a py_trees behaviour as a replacement if a placeholder is among the rejected arguments."""
+        """Return a py_trees behaviour as a replacement if one of the rejected arguments is a placeholder."""
         if not any(parameter.name in bound.keys for parameter in bound.spec.constant_attributes):
             return None
         return _stand_in(bound.spec.kind, **arguments)
@@ -636,8 +636,8 @@ def require_classes(binding: Binding) -> None:
 def preview_tree(binding: Binding) -> CompiledTree:
     """Compile a bound tree for display, with placeholders for mission objects.
 
-    An attribute with an unknown key gets its default or an example value. A node that has only a model becomes a stock
-    behaviour of its kind.
+    An attribute with an unknown key has its default or an example value. A py_trees behaviour of the same kind replaces
+    each node that has only a model.
     """
     collector = FindingCollector()
     arguments = PreviewArguments({}, {}, collector, binding.enums)

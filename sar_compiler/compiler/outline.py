@@ -15,7 +15,7 @@ from sar_compiler.runtime.walking import pre_order
 from sar_compiler.tree.display_text import visible
 from sar_compiler.tree.plain import as_json, to_json_value
 
-# These are separate keys in the outline, as consumers expect.
+# Attributes of composites that are keys of a node in the outline, beside `attributes`.
 _OWN_KEYS = ("memory", "policy")
 
 
@@ -42,7 +42,7 @@ def _outline(tree: Drawable, behaviour: Behaviour) -> dict[str, Any]:
     return node
 
 
-# As text, in the notation that py_trees users know.
+# The drawings use the notation of py_trees.
 
 
 def unicode_tree(root: Behaviour) -> str:
@@ -73,7 +73,7 @@ def add_tags(drawing: str, tree: Drawable) -> str:
 def _tag(behaviour: Behaviour, tree: Drawable) -> str:
     bound = tree.origins[behaviour.id].bound
     tag = bound.spec.tag
-    # A wrapper from an attribute has another name than the element. The drawing marks the kinds of composites by symbols.
+    # The name of a wrapper from an attribute is not the element's. Symbols in the drawing show the kinds of composites.
     sign = " ?" if is_unknown(bound) else ""
     is_other = behaviour.name != bound.name or bound.spec.kind is Kind.CONTROL
     if is_other or behaviour.name in (tag, f"{tag}?"):

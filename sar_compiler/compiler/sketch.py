@@ -1,7 +1,7 @@
 """Builds a tree that can be drawn from a parsed file, even if the file has errors.
 
-A drawing shows py_trees behaviours with their origins, which a compiled tree contains. In a sketch, placeholders replace
-the behaviours. Unknown nodes have no meaning, and subtrees that are missing or contain themselves are collapsed.
+A drawing shows py_trees behaviours with their origins in the file. A compiled tree contains both. A sketch contains
+placeholders instead of behaviours. Subtrees that are missing or contain themselves are collapsed.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -91,7 +91,7 @@ class UnknownSpec(NodeSpec):
 
 
 def is_unknown(bound: BoundNode) -> bool:
-    """Return whether a node's tag is unknown. A tag that is only similar to a known tag is also unknown."""
+    """Return whether a node's tag is unknown, which includes a tag that is only similar to a known tag."""
     return isinstance(bound.spec, UnknownSpec)
 
 
@@ -197,7 +197,7 @@ def _unknown(element: Element) -> BoundNode:
 
 
 def _tag(element: Element) -> str:
-    """Return the tag of a node. In the explicit form, the attribute `ID` contains this tag."""
+    """Return the tag of a node. In explicit form (`<Action ID="..."/>`), this is the attribute `ID`."""
     return element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
 
 

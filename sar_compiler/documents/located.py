@@ -34,7 +34,7 @@ Path = tuple[int | str, ...]
 
 _WORDS = {"object": "a mapping", "array": "a list", "string": "a string"}
 _KINDS = {bool: "true or false", int: "a number", float: "a number", str: "a string"}
-# A longer list would not help; the nearest name is suggested in any case.
+# The maximum number of known keys in a message. The nearest key is suggested in any case.
 _MOST_LISTED = 15
 
 
@@ -82,7 +82,7 @@ def find_violations(root: "Value", schema: str) -> Iterator[SchemaViolation]:
 
 
 UNIT = "x-unit"
-"""The keyword of our schemas for a number's unit (one of `nodes.numbers.UNITS`); other programs ignore this keyword."""
+"""The keyword for a number's unit (one of `nodes.numbers.UNITS`) in our schemas. Other programs ignore the keyword."""
 
 
 @functools.cache
@@ -182,7 +182,7 @@ def _unusual_number(root: "Value", path: Path, error: Any) -> Iterator[SchemaVio
 
 
 def _advice(validator: Any, value: "Value", schema: dict[str, Any]) -> tuple[str | None, str | None]:
-    """Return a valid replacement for a wrong value, or a hint that says what to write."""
+    """Return a valid replacement for a wrong value, or a hint; both may be None."""
     only = value.items[0] if value.items is not None and len(value.items) == 1 else value
     text, unit = only.text or "", schema.get(UNIT, "")
     meant = next(
@@ -235,7 +235,7 @@ def _accepted_values(schema: dict[str, Any]) -> str:
 
 
 def _owner(path: Path, schema: dict[str, Any]) -> str:
-    """Return a phrase that describes a mapping with a wrong or missing key. A message begins with this phrase."""
+    """Return the beginning of a message about a wrong or missing key: a phrase for the mapping."""
     return schema.get("title") or _title(path, schema)
 
 
@@ -306,7 +306,7 @@ class Value:
 
     @property
     def kind(self) -> str:
-        """A phrase that describes the value at the end of a message, such as "a list" or "the string '5'"."""
+        """A phrase for the value in a message, such as "a list" or "the string '5'"."""
         if self.text is None:
             return "a list" if self.entries is None else "a mapping"
         if self.is_nothing:
@@ -321,7 +321,7 @@ class Value:
 
     @property
     def mapping(self) -> dict[str, "Value"]:
-        """The values of this mapping, by key. The result is empty if this value is not a mapping."""
+        """The values of this mapping, by key; empty if this value is not a mapping."""
         return {key.text or "": inner for key, inner in self.entries or ()}
 
     @property
@@ -337,7 +337,7 @@ class Value:
         return value
 
     def name_at(self, path: Path) -> "Value":
-        """Return the key of the value at *path*, or the value itself if this value has no key."""
+        """Return the key of the value at *path*, or the value itself if it has no key (as an item of a list)."""
         keys = (key for key, _ in self.value_at(path[:-1]).entries or () if path and key.text == path[-1])
         return next(keys, self.value_at(path))
 
@@ -388,7 +388,7 @@ class Document:
         """Add 1 to the number of parsed values.
 
         Raises:
-            TreeError: If there are more than `MAX_VALUES`, because each needs a thousand times the memory of its text.
+            TreeError: If there are more than `MAX_VALUES`. A value takes up to a thousand times the memory of its text.
         """
         self._values += 1
         if self._values > MAX_VALUES:
@@ -420,7 +420,7 @@ class Document:
         The result conforms to the schema, so it needs no further checks.
 
         Args:
-            schema: The name of the schema: `scenario` for `schemas/sar_scenario.schema.json`, and so on.
+            schema: The name of the schema, such as `scenario` for `schemas/sar_scenario.schema.json`.
             value: The value; by default the whole file.
 
         Raises:
@@ -438,7 +438,7 @@ class Document:
                 place, suggestion, hint = each.place, each.suggestion, each.hint
                 self.report(each.code, each.message, place, suggestion=suggestion, hint=hint)
                 reported.add((each.path, each.code))
-        # A mapping that lost a required key is removed as well; an unusual number stays.
+        # A mapping without a required key is removed as well. A number that is only unusual is kept.
         while gone := [each.path for each in refused if SEVERITIES[each.code] is Severity.ERROR]:
             if () in gone:
                 self.raise_findings()
@@ -474,7 +474,7 @@ class Document:
         return tuple(each for each in _sort_findings(self.findings) if each.severity is not Severity.ERROR)
 
     def span(self, value: Value, part: tuple[int, int] | None = None) -> Span:
-        """Return the location of a value or of a part of its text. For a list or mapping, this is its first line."""
+        """Return the location of a value or of a part of its text; for a list or mapping, its first line."""
         source = self.source
         if value.text is None:
             # Only the beginning is marked, because a mapping may extend over many lines.

@@ -131,7 +131,7 @@ class _TomlLocations:
         return is_next
 
     def _key(self, path: _KeyPath) -> _KeyPath:
-        """Skip a key with all its dotted parts in the table at *path*; return the path of the key."""
+        """Skip a key, with all its dotted parts, in the table at *path*. Return the path of the key."""
         while True:
             start = self._skip()
             quoted = self._skip_pattern(_STRING)

@@ -1,6 +1,6 @@
 """YAML files with the location of every value.
 
-An unquoted scalar is a number, a Boolean (`true`, `false`) or a string: `no` and `12:30` are strings.
+An unquoted scalar is a number, a Boolean (`true`, `false`) or a string. For example, `no` and `12:30` are strings.
 """
 
 from collections.abc import Mapping
@@ -68,7 +68,7 @@ def parse_yaml(data: bytes | str, path: str, empty_hint: str, folder: Path | Non
 
 
 class _Dumper(yaml.SafeDumper):
-    """A YAML dumper that writes the names of enumeration members, and writes repeated values in full."""
+    """A YAML dumper that writes enumeration members as names, and repeated values in full instead of as aliases."""
 
     def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002
         return True

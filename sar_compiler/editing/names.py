@@ -47,7 +47,7 @@ class NamedThing(NamedTuple):
         name: The name.
         spots: The locations of the name.
         refusal: The reason why the name cannot be changed; empty if it can be changed.
-        taken: The names that other trees or keys have.
+        taken: The names of other trees or keys, which cannot be the new name.
         is_key: Whether the name is a key. Scripts allow only letters, digits and '_' in keys.
     """
 
@@ -72,7 +72,7 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
     Args:
         tree: The file.
         offset: The offset.
-        beside: Other open files, which may include the file and use its trees.
+        beside: The other open files. They may include the file and use its trees.
     """
     main = tree.forest.main
     element = last_element_before(list(main.root.iterate()), main.source.position_of(offset))
@@ -87,7 +87,7 @@ def name_at(tree: ProjectTree, offset: int, beside: Sequence[ProjectTree] = ()) 
         start, end = element.source.spans.tag(element)
         is_use = element.tag == SUBTREE_TAG and start <= offset <= end
         return _named_tree(files, name) if is_use and name else None
-    # The tags in whose `ID` a node is named.
+    # The tags whose `ID` contains the name of a node.
     explicit = {spec.kind.value for spec in tree.context.registry}
     if pointed.attribute == _MAIN or (pointed.attribute == "ID" and element.tag not in explicit):
         return _named_tree(files, element.attributes[pointed.attribute])
@@ -186,7 +186,7 @@ def _named_key(tree: ProjectTree, files: Sequence[TreeFile], owner: BoundTree, k
         refusal = f"with {AUTOREMAP}, keys with the same name in other trees refer to the same entry"
     elif accesses.is_open:
         refusal = "a node of this tree accesses keys that the file does not name"
-    # Of several spots at one location, the first one is used, because it may be a definition.
+    # Of several spots at one location, the first one is kept, because it may be the definition.
     unique = {(each.source.path, each.span): each for each in reversed(spots)}
     taken = frozenset({*accesses.keys, *(name for each in users for name in each.attributes)})
     return NamedThing(key, tuple(unique.values()), refusal, taken, is_key=True)

@@ -62,7 +62,7 @@ class EditedFile:
         self.elements = [*tree_file.root.iterate()]
         form = XmlText if tree_file.source.form is Form.XML else YamlText
         self.text: XmlText | YamlText = form(tree_file)
-        # The parent of each element and the element's index in it, by the element's offset.
+        # For each element's offset: the element's parent and its index among the parent's children.
         self._places = {
             child.offset: (each, index) for each in self.elements for index, child in enumerate(each.children)
         }
@@ -323,7 +323,7 @@ def _scripts(element: Element) -> Iterator[str]:
 
 
 def _ports(call: Element, tree: Element, around: Element) -> dict[str, str]:
-    """Return the value that replaces each key in braces when a tree's content replaces a `SubTree` node.
+    """Return the replacement of each key in braces when a tree's content replaces a `SubTree` node.
 
     Raises:
         EditError: If the node has a condition, or a key would have another meaning in the calling tree.

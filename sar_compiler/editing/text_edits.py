@@ -39,7 +39,7 @@ def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
 
 
 def edit_between(old: str, new: str) -> list[TextEdit]:
-    """Return the smallest edit that changes one text into another; the result is empty if both are equal."""
+    """Return the smallest edit that changes one text into another; no edit if both are equal."""
     if old == new:
         return []
     most = min(len(old), len(new))

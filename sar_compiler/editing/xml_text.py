@@ -1,7 +1,7 @@
 """Edits of a tree file in XML.
 
-An element that is alone on its lines is moved as whole lines, together with the comments directly above it and a
-comment at the end of its last line. Any other element is moved as a part of its line.
+An element that shares no line with other elements is moved as whole lines, together with the comments directly above it
+and at the end of its last line. Any other element is moved as a part of its line.
 """
 
 import bisect
@@ -199,7 +199,7 @@ class XmlText:
         return [TextEdit(end, end, f'{separator}{name}="{escape_value(value)}"')]
 
     def _indentation(self) -> str:
-        """Return the indentation of one level, taken from the first indented child."""
+        """Return the indentation of one level, which is that of the first indented child."""
         for each in self._elements[1:]:
             outer, inner = (self._line(one.offset) for one in (self._parents[each.offset], each))
             if outer[0] < inner[0] and inner[1].startswith(outer[1]):

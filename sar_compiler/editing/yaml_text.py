@@ -1,7 +1,7 @@
 """Edits of a tree file in YAML.
 
-A node is moved as the lines from its dash on, together with the comments directly above it and the indented comments
-below it. A node in brackets is not on separate lines, so `expand` first rewrites it as lines.
+A node is moved as whole lines, from its dash on, together with the comments directly above it and the indented comments
+below it. A node in brackets may share lines with other nodes, so `expand` first rewrites it without brackets.
 """
 
 import re
@@ -149,7 +149,7 @@ class YamlText:
         self._extents = _ExtentReader(self._text).found
 
     def outermost_flow(self, element: Element) -> Element | None:
-        """Return the outermost element in brackets that is an element or its ancestor; None without brackets."""
+        """Return the outermost element in brackets around an element, or the element itself; None without brackets."""
         ancestor: Element | None = element
         found = None
         while ancestor is not None:
@@ -228,8 +228,8 @@ class YamlText:
     def delete_element(self, element: Element) -> list[TextEdit]:
         """Return the edits that remove an element and its comments.
 
-        If no child is left, the edits also remove the key `children`, and indent the comments below it like the key. With
-        a deeper indentation, a comment could become a part of the text above it.
+        If no child is left, the edits also remove the key `children`. They indent the comments below this key like the
+        key itself, because YAML could read a deeper comment as a part of the text above it.
         """
         parent = self._parents[element.offset]
         key = self._extents[parent.offset].children
@@ -281,7 +281,7 @@ class YamlText:
         return self._source.offset(self._source.position_of(offset)[0], 1)
 
     def _next_line(self, offset: int) -> int:
-        """Return the start of the line that follows the line containing an offset."""
+        """Return the start of the line after the line that contains an offset."""
         rest = _REST_OF_LINE.match(self._text, offset)
         return rest.end() if rest is not None else len(self._text)
 

@@ -1,7 +1,7 @@
 """The text of an open file, and the findings about this text. Each edit updates the positions of findings.
 
-While a tag is incomplete, most of a file cannot be parsed, and the findings would vanish until the tag is closed. So
-the findings about the last text that could be parsed remain, except for findings whose text was edited.
+While a tag is incomplete, most of a file cannot be parsed, and the findings would vanish until the tag is closed.
+Therefore, the findings about the last parsed text remain, except for findings whose text was edited.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -47,7 +47,7 @@ def edit_between(old: str, new: str) -> Edit:
 
 
 def _common_length(limit: int, are_alike: Callable[[int, int], bool]) -> int:
-    """Return the length of the common prefix of two texts, at most *limit*. *are_alike* compares one range."""
+    """Return the length of the common prefix of two texts, at most *limit*. *are_alike* compares a range of both."""
     alike, different = 0, limit + 1
     while different - alike > 1:
         middle = (alike + different) // 2
@@ -123,7 +123,7 @@ class OpenText:
         return FORMS.get(self.path.suffix.lower(), Form.XML)
 
     def is_foreign(self) -> bool:
-        """Return whether the file is not a tree file, and has not been one since it was opened."""
+        """Return whether the file has never been a tree file since it was opened."""
         is_other = is_other_file_type(self.text, self.form)
         self._was_tree = self._was_tree or bool(self.text.strip() and not is_other)
         return is_other and not self._was_tree
@@ -143,7 +143,7 @@ class OpenText:
         self._edited = self._edited_region(edit)
 
     def _edited_region(self, edit: Edit) -> tuple[int, int]:
-        """Return the region edited last: *edit*, joined with the previous region if the two are adjacent."""
+        """Return the region of the last edits: *edit*, joined with the previous region if the two are adjacent."""
         start, end = edit.start, edit.start + edit.length
         if self._edited is None or edit.end < self._edited[0] or edit.start > self._edited[1]:
             return start, end

@@ -1,8 +1,8 @@
 """The language server: its open files, their checks, and its messages to the editor.
 
 Changed files are checked one after the other, in a separate thread and within a budget. After each change, the server
-at once sends the previous findings at their new positions, and sends the new findings after the check. When the editor
-cancels a request, the process that the request has started is killed.
+immediately sends the previous findings at their new positions. It sends the new findings after the check. If the
+editor cancels a request, the process that the request has started is killed.
 """
 
 import asyncio
@@ -234,7 +234,7 @@ class TreeServer(LanguageServer):
             self._checked = asyncio.Event()
 
     def _recheck(self, uri: str, because: str) -> None:
-        """Request a check of the file *uri*, which depends on *because*, once for each version of *because*."""
+        """Request a check of the file *uri*, once for each version of the file *because* on which it depends."""
         stamp = (because, self._open[because].version)
         if self._open[uri].seen.get(because) != stamp[1]:
             self._open[uri].seen[because] = stamp[1]
@@ -479,7 +479,7 @@ class TreeServer(LanguageServer):
         return lsp.DocumentSymbol(name, kind, lsp.Range(place.start, end), place, element.tag, children=inner)
 
     def lenses(self, uri: str, tree: ProjectTree) -> list[lsp.CodeLens]:
-        """Return the code lenses, which the editor shows above each executable tree."""
+        """Return the code lenses for the executable trees of a file."""
         own = [each for each in tree.forest.executable if each.source is tree.source]
         found = []
         for element in own:

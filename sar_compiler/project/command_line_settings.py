@@ -16,11 +16,11 @@ class CommandLineSettings(NamedTuple):
         nodes: The leaves: classes, modules, or import paths of modules, which may be in the current folder.
         models: The palettes, which describe nodes that are not installed: paths, or names of installed palettes (`nav2:jazzy`).
         include_path: Further folders from which files may be included.
-        trust: Whether the modules beside configurations may run, now and until they change.
+        trust: Whether to trust the modules beside configurations, until their code changes.
         registry: The registered nodes; None for the installed nodes and those in *nodes*.
         trees: Further tree files, which are searched for trees that a file lacks.
         mission: The name of the mission; None if the leaves of the tree determine the mission.
-        folders: Folders that the user has named; the files in such a folder belong together, like those of a repository.
+        folders: Folders that the user has named. The files in each of them belong together, like those of a repository.
         names: The paths of tree files as the user has written them, for findings.
         is_isolated: Whether to ignore the configuration, the palettes and the trees in the folders around a tree file.
     """

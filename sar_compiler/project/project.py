@@ -56,7 +56,7 @@ class Project:
         self.reload_set()
 
     def reload_set(self) -> None:
-        """Make the next request for a tree reload the files in which trees are searched."""
+        """Discard the files of the set. They are loaded again when a tree is next searched for in them."""
         if self.configuration.trees or self.additions.trees or self.files_around.folder is not None:
             is_declared = bool(self.configuration.trees)
             self.tree_set = TreeSet(self._set_files, self._read, self.include_path, is_declared=is_declared)
@@ -119,7 +119,7 @@ class Project:
 
         Raises:
             UnreadableFileError: If a file that the user has named does not exist or cannot be read.
-            TreeError: If a file is malformed, or if a file that the configuration names cannot be read.
+            TreeError: If a palette is malformed, or if the configuration names a palette that cannot be read.
         """
         files = [path for path in self.additions.models if not is_palette_name(str(path))]
         read = [read_tree_file(path) for path in files]
@@ -132,7 +132,7 @@ class Project:
 
     @contextlib.contextmanager
     def _locate_palette_errors(self, palette: str) -> Iterator[None]:
-        """Convert errors about a palette to findings at the place where the configuration names this palette."""
+        """Convert errors about a palette to findings at the palette's name in the configuration."""
         try:
             yield
         except (UnreadableFileError, PaletteError) as error:
@@ -149,7 +149,7 @@ class Project:
         return tuple(found)
 
     def palettes_for(self, forest: Forest) -> tuple[TreeFile, ...]:
-        """Return the named palettes, and surrounding palettes that describe nodes which a file lacks.
+        """Return the named palettes, and the surrounding palettes that describe the undescribed nodes of a file.
 
         Raises:
             TreeError, UnreadableFileError: As `palettes`.
@@ -204,7 +204,7 @@ class Project:
                     yield self._names.get(place) or NamedPath.confined_to(path, (self.checkout,))
 
     def report_use(self, forest: Forest) -> None:
-        """Record which surrounding files have provided trees that the file itself lacks."""
+        """Record the surrounding files that provide trees that the file itself lacks."""
         if self.configuration.trees:
             return
         given = {*map(real_path, self.additions.trees), *self._names}

@@ -137,7 +137,7 @@ class ProjectTree:
         return project.configuration.decide(sorted(found, key=lambda each: each.span))
 
     def check(self) -> list[Diagnostic]:
-        """Return all findings about the palettes, the file and its includes. Include those of further checks.
+        """Return all findings about the palettes, the file and its includes, with those of the further checks.
 
         Raises:
             TreeError: If a palette is malformed, or the configuration names modules that are not trusted.
@@ -177,7 +177,7 @@ class ProjectTree:
             raise TreeError(errors)
 
     def report_warnings(self, findings: Iterable[Diagnostic]) -> None:
-        """Pass warnings to `note`. They are about a file that is used with the tree, such as a scenario."""
+        """Pass warnings about a file that is used with the tree, such as a scenario, to `note`."""
         for finding in findings:
             self.note(finding.render())
 
@@ -239,7 +239,7 @@ class ProjectTree:
             return self.preview(tree_id if is_main or element is None else element.attributes.get("ID"))
         except TreeError as error:
             trees = self.context.bound_forest.trees
-            # The named tree may be in another file of the set; then the first one of this file is drawn.
+            # If the main tree is in another file of the set, the first tree of this file is drawn.
             bound = next((each for each in trees if each.element is element), next(iter(trees), None))
             if bound is None:
                 raise

@@ -1,7 +1,7 @@
 """Finds the configuration of a tree file, and the palettes and trees in the surrounding folders.
 
-All commands, the language server and the tools of agents use this module, so that a file has the same surroundings
-everywhere. Surrounding files are read only if a tree file uses a node that is not described, a name that may be an
+All commands, the language server and the tools for agents use this module, so that a file has the same surroundings
+everywhere. Surrounding files are read only if a tree file uses a node without a description, a name that may be an
 enumeration member, or a tree that the file lacks. A command reports the surrounding files that it has used.
 """
 
@@ -31,11 +31,11 @@ _MOST_FILES = 20_000
 class FilesAround:
     """The tree files and palettes below a folder. They are examined only when they are needed.
 
-    Links out of the folder are ignored. So are files that belong neither to the folder's owner nor to this user or root.
+    Links out of the folder are ignored. Files are ignored unless they belong to the folder's owner, this user or root.
 
     Args:
         folder: The folder, with links resolved; None for no files.
-        is_root: Whether the folder is the root of a project, so that its subfolders are searched, and its files may
+        is_root: Whether the folder is the root of a project. If so, its subfolders are searched, and its files may
             include each other.
     """
 
@@ -92,10 +92,10 @@ def find_surroundings(
 ) -> FileSurroundings:
     """Find the configuration and the surrounding files of a tree file.
 
-    The surrounding files are the files of the tree file's repository. Without a repository, they are the files of the
-    outermost of these folders: the configuration's folder, the folder of the ROS package, and the current folder if
-    the tree file is in it. Without any of these, they are the files in the tree file's own folder. A folder in *folders*
-    that contains all of these folders replaces them. A folder that this process may not read is never used.
+    The surrounding files are the files below one folder. This is the repository of the tree file or, without a
+    repository, the outermost of the following: the configuration's folder, the ROS package's folder, and the current
+    folder if the tree file is in it. If none exists, only the files directly in the tree file's folder are used.
+    A folder in *folders* takes precedence if it contains this folder. An unreadable folder is never used.
 
     Args:
         path: The tree file.

@@ -1,8 +1,8 @@
 """Imports modules from a configuration's folder, but only in the version that the user trusts.
 
 Trust applies to the paths and contents of the configuration file and of every file of the packages (or modules) that it
-names. One digest identifies all of them, and a file named after the digest in the user's state folder records the trust.
-Any change results in another digest. Only the files that the digest covers are imported. Bytecode files, which may
+names. One digest covers all of them, so any change results in another digest. A file named after the digest in the
+user's state folder records the trust. Only the files that the digest covers are imported. Bytecode files, which may
 differ from the source, are ignored, and so are modules beside the named modules.
 """
 
@@ -32,7 +32,7 @@ _COMPILED = "__pycache__"
 
 
 class TrustError(SarError):
-    """It cannot be recorded that the user trusts a configuration."""
+    """The user's trust in a configuration cannot be recorded."""
 
 
 @dataclass(frozen=True)

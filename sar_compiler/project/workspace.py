@@ -98,7 +98,7 @@ class Workspace:
         return self._projects.values()
 
     def reload_sets(self) -> None:
-        """Make the next request for a tree reload the files in which trees are searched."""
+        """Discard the files of all sets. They are loaded again when a tree is next searched for in them."""
         for project in self._projects.values():
             project.reload_set()
 
@@ -110,7 +110,7 @@ class Workspace:
             self.report_once(text)
 
     def report_once(self, text: str) -> None:
-        """Report a note if the same note was not reported before."""
+        """Report a note unless it has been reported before."""
         if text not in self._noted:
             self._noted.add(text)
             self.note(text)

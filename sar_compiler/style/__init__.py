@@ -31,7 +31,7 @@ COLOURS: Mapping[str, Colour] = {
     "text": Colour("#16191d", "#e8eaed"),
     "quiet": Colour("#545d69", "#a8b1bc"),
     "mark": Colour("#0b57a4", "#7cc0f5"),
-    # statuses and progress; `for_background` is written upon them
+    # statuses and progress, with text in the colour `for_background` on top
     "running": Colour("#005f9e", "#5db7f0"),
     "success": Colour("#00694d", "#3fd0a4"),
     "failure": Colour("#b03a00", "#ff8b4d"),
@@ -39,7 +39,7 @@ COLOURS: Mapping[str, Colour] = {
     "skipped": Colour("#8a3f6d", "#dd9bc2"),
     "none": Colour("#9aa2ad", "#66707c"),
     "on": Colour("#ffffff", "#10131a"),
-    # things that need attention, errors, obstacles to the robot
+    # warnings, errors, and obstacles for the robot
     "warning": Colour("#e69f00", "#f0b429"),
     "on-warning": Colour("#231800", "#1d1400"),
     "error": Colour("#b03a00", "#ff8b4d"),
@@ -64,12 +64,12 @@ COLOURS: Mapping[str, Colour] = {
 
 
 class LevelStyle(NamedTuple):
-    """How a landmark's progress or the verdict on a property is drawn.
+    """The style for the progress of a landmark, or for the verdict on a property.
 
     Attributes:
-        word: The CSS class of its marks.
-        colour: The name of its colour in `COLOURS`.
-        sign: The sign in its mark, or before its word.
+        word: The CSS class of the marks.
+        colour: The name of the colour in `COLOURS`.
+        sign: The sign in a mark, or before the word for the verdict.
     """
 
     word: str
@@ -145,8 +145,8 @@ def colour_of(level: int, *, is_found: bool) -> str:
     """Return the colour name for a landmark that is drawn in a single colour.
 
     Args:
-        level: Its progress, a `Level`.
-        is_found: Whether its kind is one that a robot detects.
+        level: The landmark's progress, a `Level`.
+        is_found: Whether robots detect landmarks of this kind.
     """
     if not is_found:
         return LEVELS[level].colour
@@ -174,7 +174,7 @@ def style() -> str:
     )
     looks = (*LEVELS, FOUND, *PROPERTIES.values())
     levels = "".join(f".{each.word}{{--level:var(--{each.colour})}}" for each in looks)
-    # Paper is light.
+    # Pages are printed in light colours.
     return (
         f":root{{color-scheme:light dark;{light};--map:none}}\n"
         f"@media screen and (prefers-color-scheme:dark){{:root{{{dark};--map:invert(.88)}}}}\n"

@@ -8,7 +8,7 @@ from sar_compiler.opener import TREE, FileKind
 from sar_compiler.tree.diagnostic import Diagnostic, Form, Source, Span, Spans, TreeError
 
 MAX_DEPTH = 200
-"""The maximum nesting depth of elements. py_trees halts a tree by recursion, with two stack frames per level."""
+"""The maximum nesting depth of elements. py_trees halts a tree recursively, with two stack frames per level."""
 
 MAX_ELEMENTS = 300_000
 """The maximum number of elements in a file. The parser rejects a file with more elements."""
@@ -31,7 +31,7 @@ def real_path(path: Path) -> Path:
 
 
 def as_written(path: Path) -> Path:
-    """Return a path inside the current folder relative to this folder, and any other path unchanged."""
+    """Return a path relative to the current folder if the path is inside this folder, else unchanged."""
     here = Path.cwd()
     return path.relative_to(here) if path.is_relative_to(here) else path
 
@@ -45,9 +45,9 @@ def make_source(
         data: The content, as bytes or as a decoded string.
         path: The path shown in findings.
         spans: The locator of the parts of elements in the text.
-        declared: The encoding declared in the content; None if no encoding is declared.
+        declared: The encoding that the content declares; None without a declaration.
         empty_hint: The hint for an empty file.
-        kind: The file's kind, whose size limit applies to the bytes or characters of the content.
+        kind: The file's kind, which limits the size of the content in bytes (or in characters, for a string).
 
     Raises:
         TreeError: If the content is too large, empty, or not text in its encoding.
@@ -64,7 +64,7 @@ def make_source(
 
 
 def encode_text(source: Source, text: str) -> bytes:
-    """Encode a file's new text in the encoding of the file, with its byte order mark.
+    """Encode the new text of a file with the file's encoding and byte order mark.
 
     In XML, characters that the encoding lacks are written as references (`&#…;`).
     """

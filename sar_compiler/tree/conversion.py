@@ -38,7 +38,7 @@ def convert(tree_file: TreeFile, form: Form) -> ConvertedTree:
 
     Args:
         tree_file: The file.
-        form: The target format; the file's own format gives the canonical form, without losses.
+        form: The target format. The file's own format yields the canonical form, without losses.
 
     Raises:
         TreeError: If XML content that is not part of the tree would be lost (text, processing instructions),
@@ -55,9 +55,9 @@ def convert(tree_file: TreeFile, form: Form) -> ConvertedTree:
 
 
 def canonical_bytes(tree_file: TreeFile) -> bytes:
-    """Return the canonical form of a file, with the file's encoding, byte order mark and line endings.
+    """Return the canonical form of a file. The encoding, byte order mark and line endings are kept.
 
-    The user's project chooses these three (`.gitattributes`, editor settings), so the canonical form leaves them unchanged.
+    They are the choice of the user's project (`.gitattributes`, editor settings).
 
     Raises:
         TreeError: As for `convert`.
@@ -72,7 +72,7 @@ def canonical_bytes(tree_file: TreeFile) -> bytes:
 def _encoding_name(encoding: str) -> str:
     """Return the name of an encoding for an XML declaration.
 
-    Both variants of UTF-16 have the same name.
+    The name of UTF-16 does not depend on the byte order.
     """
     names = {"utf-8": "UTF-8", "utf-16-le": "UTF-16", "utf-16-be": "UTF-16"}
     return names.get(codecs.lookup(encoding).name, encoding)
@@ -149,7 +149,7 @@ _PIECE = re.compile(
 def ignored_content(tree_file: TreeFile) -> Iterator[Diagnostic]:
     """Yield findings about content that the parser ignores.
 
-    Each processing instruction has a finding, and the first text in each element.
+    These are all processing instructions, and the first text in each element.
     """
     with_text = {element.offset for element in tree_file.root.iterate() if element.text}
     opened: list[int] = []

@@ -14,7 +14,7 @@ from sar_compiler.tree.display_text import escape_to_one_line, shorten, visible
 from sar_compiler.tree.severity import Severity as Severity
 
 LINE_END = re.compile(r"\r\n|\r|\n")
-"""The line endings of XML and YAML. In contrast, `str.splitlines()` also accepts other characters."""
+"""The line endings of XML and YAML. `str.splitlines()` also splits at other characters."""
 
 
 class Span(NamedTuple):
@@ -91,7 +91,7 @@ class Spans:
 
 
 _FEW, _SHORT = 16, 1000
-"""The maximum numbers of attributes and of characters for which an element's offsets are not cached."""
+"""The numbers of attributes and of characters above which the offsets of an element's attributes are cached."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Source:
 
     @functools.cached_property
     def _many_attributes(self) -> dict[tuple[int, int], dict[str, AttributePlaces]]:
-        """The offsets of the attributes of elements that have many or long attributes."""
+        """The cached attribute offsets of elements with many or long attributes, by element position."""
         return {}
 
     def attribute(self, element: ElementView, name: str) -> AttributePlaces | None:
@@ -257,9 +257,9 @@ class Diagnostic:
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """The key by which repeated findings are recognised.
+        """The key that duplicates of a finding share.
 
-        For example, several files may include the file with the finding.
+        Duplicates occur, for example, if several files include the file with the finding.
         """
         return self.source.path, self.span, self.code, self.message
 

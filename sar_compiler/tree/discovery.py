@@ -89,7 +89,7 @@ _ALONE = (b"BehaviorTree", b"TreeNodesModel")
 def tree_files_in(folder: Path) -> list[Path]:
     """Return the tree files in a folder and its subfolders, sorted by path.
 
-    Hidden folders and the output folders of colcon are skipped. A folder that several links lead to is searched once.
+    Hidden folders and the output folders of colcon are skipped. A folder with several links to it is searched once.
 
     Raises:
         UnreadableFileError: If a folder or a file cannot be read.
@@ -112,9 +112,9 @@ def files_around(folder: Path, *, most: int, is_whole: bool) -> list[Path]:
 
 
 def is_palette(path: Path) -> bool:
-    """Return whether a file only describes nodes; False if the file cannot be read.
+    """Return whether a tree file or Groot2 project only describes nodes.
 
-    The file is a tree file or a Groot2 project.
+    The result is False if the file cannot be read.
     """
     if path.suffix.lower() not in (*FORMS, _PROJECT):
         return False
@@ -157,7 +157,7 @@ def is_tree_file(path: Path, *, is_sought: bool = False) -> bool:
 
     Args:
         path: The file.
-        is_sought: Whether to return False for an unreadable file, because the user did not name it.
+        is_sought: Whether a search has found the file. An unreadable file then yields False instead of an error.
 
     Raises:
         UnreadableFileError: If the file cannot be read and *is_sought* is False.
@@ -222,7 +222,7 @@ def path_for_name(name: str) -> Path:
     """Return the path of a tree, given the name or path that the user has written.
 
     Raises:
-        UnreadableFileError: If *name* is empty, which would mean the current folder.
+        UnreadableFileError: If *name* is empty. An empty path would mean the current folder.
     """
     if not name:
         raise UnreadableFileError(Path(), "its name is empty", "the name of the tree file is empty")
@@ -236,7 +236,7 @@ def find_tree(name: str) -> Path:
         name: The path of a tree file, or the name of a shipped tree.
 
     Returns:
-        The path of the file. It may not exist if *name* is clearly a path.
+        The path of the file. If *name* is clearly a path, the file may be missing.
 
     Raises:
         UnreadableFileError: If *name* is empty, or a bare word that is neither a file nor a shipped tree.

@@ -1,6 +1,6 @@
 """Loading of all trees that a file can reference.
 
-These trees are in the file, in the included files and in the other files of the set.
+A tree may be in the file, in an included file, or in another file of a set of files that belong together.
 """
 
 import functools
@@ -39,14 +39,14 @@ Read = Callable[[Path], TreeFile]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Forest:
-    """A tree file with all files that it includes, and with the trees found in other files of the set.
+    """A tree file with all files that it includes, and with the trees that it uses from other files of its set.
 
     Attributes:
         main: The tree file itself.
         files: All files, each once; included files precede the files that include them.
         findings: The errors about files that could not be included, or that could not be searched for a missing tree.
-        homes: The forest from which each tree of the set comes, by the `id()` of the tree's element.
-        targets: The trees of the set to which references are resolved, by the `id()` of the referencing element.
+        homes: The forest of each tree from another file of the set, by the `id()` of the tree's element.
+        targets: The trees of other files to which references are resolved, by the `id()` of the referencing element.
         clashes: A finding for each reference that matches several trees of the set.
         tree_set: The set of files; None if the file belongs to no set.
     """
@@ -66,7 +66,7 @@ class Forest:
 
     @functools.cached_property
     def trees(self) -> dict[str, Element]:
-        """The `BehaviorTree` elements by ID. If several have the same ID, the first of them is used."""
+        """The `BehaviorTree` elements by ID. Of several elements with the same ID, the first is used."""
         by_id: dict[str, Element] = {}
         for tree in self.iterate():
             if "ID" in tree.attributes:
@@ -117,9 +117,9 @@ class Forest:
 
     @functools.cached_property
     def executable(self) -> tuple[Element, ...]:
-        """The main tree, if the main file names it.
+        """The trees to execute.
 
-        Otherwise, these are the trees of the main file that no file references.
+        This is the main tree, if the main file names one, else the trees of the main file that no file references.
         """
         main, is_named = self.main_tree(), self.main.main_tree_name is not None
         if is_named:
@@ -140,7 +140,7 @@ class Forest:
 def load_forest(
     path: Path, read: Read, include_paths: Iterable[Path] = (), tree_set: "TreeSet | None" = None
 ) -> Forest:
-    """Read a file with all its includes. Search the set for trees that are missing there.
+    """Read a file with all its includes, and search the set for trees that these files lack.
 
     A mission must not be able to read arbitrary files of the machine. An included file must therefore be in or below the
     folder of *path* or one of *include_paths*, or (by `ros_pkg`) in the share folder of an installed ROS package.
@@ -151,8 +151,8 @@ def load_forest(
     """
     place = real_path(path)
     loader = _Loader(read, [place.parent, *map(real_path, include_paths)])
-    # The file must be in the folder that includes may come from. Otherwise, more files could be included if that folder is
-    # replaced by a link between the two calls. A pipe of the shell has only a name, without a folder.
+    # The folder of the file is allowed for includes. If it were replaced by a link after `real_path`, other files could be
+    # included, so `read` checks the file's location again. A shell pipe has only a name, without a folder.
     main = read(NamedPath.confined_to(path, (place, Path(place.name))))
     loader.add_after_includes(place, main, ())
     forest = Forest(main, tuple(loader.files), tuple(loader.findings), tree_set=tree_set)
@@ -161,7 +161,7 @@ def load_forest(
 
 @dataclass(eq=False, repr=False)
 class TreeSet:
-    """Files that belong together. A tree that is missing from one file is searched in the other files.
+    """Files that belong together. The trees that one file lacks are searched for in the other files.
 
     All files are read, each once, when the first tree is missing.
 
@@ -208,7 +208,7 @@ class TreeSet:
 
     @functools.cached_property
     def by_id(self) -> Mapping[str, Mapping[tuple[str, int], tuple[Path, Forest]]]:
-        """For each tree ID and location of such a tree, a file with the tree and the file's forest.
+        """A file that contains each tree, with the file's forest, by the ID and by the location of the tree.
 
         If a tree is in several forests, the file that defines it takes precedence.
         """
@@ -389,14 +389,14 @@ class _Loader:
         self.seen.add(target)
 
     def _intended_path(self, element: Element, target: Path) -> str | None:
-        """Return the existing path that was probably meant by the path of a missing include."""
+        """Return the existing path to which a missing include probably refers; None without a similar path."""
         written, beside = element.attributes["path"], []
         with suppress(UnreadableFileError):
             if self.compared < MAX_NEIGHBOURS and not is_there(target):
                 others = (path for path in folder_entries(target.parent) if path.suffix in FORMS)
                 beside = [path.name for path in others if path.name != target.name]
         self.compared += len(beside)
-        # The extension is not compared, because many files have the same one.
+        # The extensions are not compared, because equal ones would make all names similar.
         stems = {Path(name).stem: name for name in sorted(beside, reverse=True)}
         near = nearest(target.stem, sorted(stems))
         if near is None or not written.endswith(target.name):
@@ -419,8 +419,8 @@ class _Loader:
             hint = "source the workspace that contains this package, or write a path without ros_pkg"
             self.findings.append(element.finding("unknown-package", message, value="ros_pkg", hint=hint))
             return None
-        # With a symlink installation, a package's files are outside of its share folder once links are resolved,
-        # and so are the other files in the folder of the target.
+        # After a symlink installation, the files in the share folder are links. Their targets, and the files beside a
+        # target, are outside of the share folder.
         target = self._resolve_path(element, share / written)
         if target is None or (
             not Path(os.path.normpath(share / written)).is_relative_to(share)

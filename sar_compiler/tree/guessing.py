@@ -35,7 +35,7 @@ _PARTS = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])"
 
 
 def unit_suffix(name: str) -> str:
-    """Return the unit with which a name ends, such as `ms` for `delay_msec`; empty without a unit."""
+    """Return the unit at the end of a name, such as `ms` for `delay_msec`; empty without a unit."""
     parts = re.findall(_PARTS, name)
     return UNIT_OF.get(parts[-1].lower(), "") if parts else ""
 
@@ -48,12 +48,12 @@ def has_same_unit(written: str, meant: str) -> bool:
     unit = unit_suffix(meant)
     if unit == unit_suffix(written):
         return True
-    # A misspelt unit (`mesc`) is not recognised as a unit, but the names then have the same number of parts.
+    # The last part of the written name may be a misspelt unit (`mesc`) if both names have the same number of parts.
     return not unit_suffix(written) and len(re.findall(_PARTS, written)) == len(re.findall(_PARTS, meant))
 
 
 def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
-    """Return the known word that was probably meant by another word, or None.
+    """Return the known word that was probably meant by a written word; None if no known word is similar.
 
     A number is never suggested for another number. For a name with a unit (`delay_msec`), no name with another unit or
     without a unit is suggested, because the written value would then have another meaning.
@@ -61,8 +61,8 @@ def nearest(word: str, known: Iterable[str], least: float = LIKE) -> str | None:
     Args:
         word: The written word.
         known: The known words.
-        least: The minimum similarity of each word of the written name and the word at the same position of the known
-            name, from 0 to 1. Names that differ only in case and separators always match.
+        least: The minimum similarity, from 0 to 1, of each word of the written name to the word at the same position of
+            the known name. Names that differ only in case and separators always match.
     """
     import difflib
 
@@ -148,7 +148,7 @@ def did_you_mean(near: str | None) -> str:
 
 
 class Guesses:
-    """Suggestions for misspelt words. Their number is limited, because large files would take too long."""
+    """Suggestions for misspelt words. The number of comparisons is limited, so that large files do not take too long."""
 
     def __init__(self) -> None:
         self._left = MOST_COMPARED

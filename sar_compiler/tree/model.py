@@ -40,7 +40,7 @@ class Comment:
         text: The text, without comment marks, common indentation and surrounding blank lines.
         index: The index of the child that follows the comment; the number of children if no child follows.
         attribute: The attribute that the comment belongs to; only in YAML. None if it belongs to the element.
-        trailing: Whether the comment is on the line of its attribute or, without an attribute, of the element's tag.
+        trailing: Whether the comment is on the line of its attribute or, without one, on the line of the element's tag.
         after_blank_line: Whether a blank line precedes the comment.
     """
 
@@ -259,7 +259,7 @@ class UnfinishedFileError(TreeError):
 def xml_comment_text(data: str) -> str:
     """Return the text of a comment, given the characters between the marks `<!--` and `-->`."""
     first, *rest = data.split("\n")
-    # The first line begins after the mark, so its indentation is no evidence about the other lines.
+    # The first line begins after the mark, so its indentation is not compared with that of the other lines.
     return _without_blank_ends([first.strip(), *_dedent(rest)])
 
 
@@ -279,7 +279,7 @@ def _without_blank_ends(lines: Sequence[str]) -> str:
 
 
 _NAME = r"[A-Za-z_:][A-Za-z0-9_:.\-]*"
-# The exact expression takes as long to compile as all other expressions together, and names seldom use other alphabets.
+# An exact expression would take too long to compile. Names are mostly ASCII, and expat checks all others.
 _PERHAPS = r"[A-Za-z0-9_:.\-\u0080-\U0010ffff]+"
 
 
@@ -303,7 +303,7 @@ class _SpansOfYaml(Spans):
 
 
 NO_SPANS, NO_SPANS_OF_YAML = Spans(), _SpansOfYaml()
-"""The locators for files in XML and YAML that have no elements with known locations."""
+"""The locators for files in XML and YAML whose elements have no known locations."""
 
 _SOURCE = Source("<made>", "", NO_SPANS)
 

@@ -48,5 +48,5 @@ def count_with_noun(number: int, what: str) -> str:
 
 
 def speakable(text: str) -> str:
-    """Replace the characters in a text that XML cannot represent."""
+    """Replace the characters that XML cannot represent by U+FFFD."""
     return re.sub(UNSPEAKABLE, "\ufffd", text)

@@ -108,7 +108,7 @@ class _XmlReader:
         # Open elements: tag, attributes, line, column; and, for each level, the elements that have ended.
         self._open: list[tuple[str, dict[str, str], int, int]] = []
         self._levels: list[list[Element]] = [[]]
-        # Content that few elements have, by the number of enclosing elements.
+        # The comments and texts of the open elements that have any, by the number of enclosing elements.
         self._comments: dict[int, list[Comment]] = {}
         self._texts: dict[int, list[str]] = {}
         parser.StartElementHandler, self._end = self._handlers()

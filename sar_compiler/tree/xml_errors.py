@@ -10,7 +10,7 @@ _AMPERSANDS = re.compile(r"(&+)[^&;<>\"'\s]*\Z")
 _UNSEEN = re.compile(r"[\u00ad\u180e\u200b-\u200f\u2060\ufeff]|[^\S \t\r\n]")
 """A regular expression for a character that is invisible or looks like a space."""
 _NEAR = 200
-"""The number of characters before an error in which an ampersand is searched."""
+"""The number of characters before an error that are searched for an ampersand."""
 _ENTITY = re.compile(r"&([^#&;\s][^&;\s]*);")
 _BUILT_IN = frozenset(("amp", "lt", "gt", "apos", "quot"))
 _ATTRIBUTE_NAME = re.compile(r"[^\s=/>\"'<]+")

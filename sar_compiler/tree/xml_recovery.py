@@ -1,8 +1,8 @@
 """Recovery of malformed XML files that BehaviorTree.CPP accepts, such as files with an unescaped & or <.
 
 Each such character is replaced by a stand-in: one character that the file does not contain. expat can then parse the
-text, all lines and columns stay the same, and the original characters are restored in the parsed text. An XML declaration
-after blank lines, and content outside of the root, is replaced by spaces.
+text, all lines and columns stay the same, and the original characters are restored in the parsed text. Spaces replace an
+XML declaration after blank lines, and content outside of the root.
 """
 
 import itertools
@@ -85,7 +85,7 @@ def attributes_end(text: str, offset: int, limit: int = sys.maxsize) -> int:
 def recover(source: Source) -> RecoveredText | None:
     """Replace the invalid characters of a text, up to the first irrecoverable error.
 
-    The result is None if there is nothing to replace.
+    Return None if there is nothing to replace.
     """
     stand_ins = _stand_ins(source.text)
     if stand_ins is None:
@@ -230,7 +230,7 @@ def _values(text: str, tag: int, values: list[tuple[int, int, _PartOfFile]]) -> 
         offset = match.end()
     end = TAG_END.match(text, offset)
     if end is None:
-        # A value without a closing quotation mark may have ended at the mark of another value.
+        # A value without a closing quotation mark may seem to end at the mark of another value.
         values[:] = [each for each in values if "<" not in text[each[0] : each[1]]]
         return 0
     return end.end()

@@ -32,7 +32,7 @@ from sar_compiler.tree.yaml_spans import SPLIT, YamlSpans, split_number
 
 _EMPTY_HINT = "write 'root:', and below it 'BTCPP_format: 4' and 'children:'"
 _ROOT_KEYS = ("BTCPP_format", "main_tree_to_execute", CHILDREN_KEY)
-# The rest of a line after a plain string, if it begins with one space and a # without a space, unlike most comments.
+# A comment that may be a part of the plain string before it: one space precedes the #, and no space follows it.
 _CUT = re.compile(r" #[^\s#!][^\r\n]*")
 _HEADER_COMMENT = re.compile(r"[^\r\n#]*#([^\r\n]*)")
 REFERENCE = re.compile(r"\{[^{}:,\s]+\}")
@@ -68,7 +68,7 @@ class _Parts:
         self.places: list[int] = []
         # The offset of each key.
         self.seen: dict[str, int] = {}
-        # Findings about attributes whose values are lists or mappings. They do not apply to attributes that take message fields.
+        # Findings about attributes whose values are lists or mappings, unless the attributes accept message fields.
         self.unquoted: dict[str, Diagnostic] = {}
 
 
@@ -427,7 +427,7 @@ class _YamlReader:
     def _is_too_deep(self, scalar: Any) -> bool:
         """Report a node that is indented so far that it continues the string above it.
 
-        Returns True if there is such a node.
+        Return whether there is such a node.
         """
         start, end = _mark_position(scalar)
         node = _CONTINUED.search(self._source.text, start, end) if not scalar.style else None

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-# Characters that YAML does not allow unescaped, and those that end a line for only some parsers.
+# Characters that YAML allows only as escapes, and characters that only some parsers treat as line ends.
 _UNREADABLE = re.compile(
     "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 )
-# An element has three levels: its list, the mapping with its tag, and its attributes. Deeper nesting only costs time.
+# Each element takes three levels: its list, the mapping with its tag, and its attributes. Deeper files are never valid.
 _MAX_NESTING = 3 * (MAX_DEPTH + 2)
 _COMMENT = re.compile(r"#([^\r\n]*)")
 _COMMENT_BEHIND = re.compile(r"[ \t]+#[^\r\n]*")
@@ -43,7 +43,7 @@ class PendingComment:
         column: The column of the `#`, from 1.
         end: The offset of the comment's end.
         lines: The text after each `#`.
-        after_blank_line: Whether a blank line precedes the comment, and no other pending comment precedes it.
+        after_blank_line: Whether a blank line precedes the comment. It is False after another pending comment.
     """
 
     column: int
@@ -183,7 +183,7 @@ class YamlEvents:
         """Return the comments before the next event, and clear them.
 
         Args:
-            from_column: The first comment that begins before this column, and all comments after it, are kept for other elements.
+            from_column: From the first comment that begins before this column, all comments are kept for other elements.
         """
         waiting = self._waiting
         count = next((i for i, one in enumerate(waiting) if one.column < from_column), len(waiting))

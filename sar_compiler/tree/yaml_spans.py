@@ -115,7 +115,7 @@ def offsets_in_scalar(text: str, start: int, end: int, value: str) -> Sequence[i
 def _offsets_in_line(text: str, start: int, first: int, last: int) -> list[int]:
     """Return the offsets for a plain or quoted scalar.
 
-    In such a scalar, a line break and the spaces around it mean one space.
+    YAML reads a line break in it, with the spaces around the line break, as one space.
     """
     units = {"'": _SINGLE, '"': _DOUBLE}.get(text[start], _PLAIN)
     offsets: list[int] = []

@@ -128,7 +128,7 @@ def _value(text: str, indent: str) -> list[str]:
 def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
     """Return the lines of message fields in YAML.
 
-    The list is empty if the parser would read another text from these lines.
+    Return an empty list if the parser would not read the same text from the lines.
     """
     if not is_fields_attribute(element.tag, element.attributes, name) or REFERENCE.fullmatch(text.strip()):
         return []
@@ -137,7 +137,7 @@ def _fields(element: Element, name: str, text: str, indent: str) -> list[str]:
         first, below = text, []
     else:
         first, below = "", [f"  {line}" if line else "" for line in lines]
-    # Only parsing the lines shows reliably how they are read.
+    # The result is parsed again, because no simple rule decides whether it is read as the same text.
     trial = [f"{element.tag}:", f"  ID: {scalar(element.attributes.get('ID', '-'))}", f"  {name}: {first}"]
     try:
         root = parse_yaml("\n".join([*trial, *(f"  {line}" for line in below), "  name: '-'"])).root

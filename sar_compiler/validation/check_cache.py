@@ -1,10 +1,10 @@
 """The results of checks, which are stored in the user's cache folder for use by later commands.
 
-A result is reused if everything on which it depends is unchanged. It depends on all responses of the file system during
-the check (`opener.Observation`): the contents of files, and which files are missing. Modules of leaves and libraries
-count as files that were read. All other dependencies determine the name of the file that stores the results: the
-options, the current folder, the versions of this package and of Python, and the installed packages. The file contains
-a checksum and JSON. A damaged file, or a file that another user owns, is ignored.
+A result is reused if everything on which it depends is unchanged. The file system queries of the check are stored with
+their responses (`opener.Observation`): the contents of files, and the names of missing files. Imported modules of leaves
+and libraries count as files that were read. All other dependencies determine the name of the cache file: the options,
+the current folder, the versions of this package and of Python, and the installed packages. The cache file contains a
+checksum and JSON. A damaged cache file, or one that another user owns, is ignored.
 """
 
 import itertools
@@ -51,14 +51,14 @@ class FileCheck:
         palettes: The findings about the palettes of the file's project.
         findings: The findings about the file, or about the configuration that prevents the check.
         further: The findings of the further checks.
-        raised: The findings about ticks that raise an error.
+        raised: The findings about ticks that raise an error in a possible run.
         fixes: The fixes of `findings`.
         fixable: The number of fixes that do not overlap.
         used_palettes: The palettes near the file that were used although the user did not name them.
         used_trees: The tree files near the file that were used although the user did not name them.
         notes: Further notes for the user.
-        problem: The reason why the file, or a file that it needs, cannot be read; empty if all files could be read.
-        spent: The units of work spent to explore the runs of the file.
+        problem: The reason why the file, or a file that it needs, cannot be read; empty if all files can be read.
+        spent: The work that exploring the runs of the file has taken, in units of work.
         is_limited: Whether a larger limit could have led to more findings.
         is_cut: Whether the user has stopped the check.
         is_read: Whether the file could be read.
@@ -97,7 +97,7 @@ The oldest files are deleted first.
 _MOST_QUESTIONS = 100_000
 _uses = itertools.count()
 _RECENT_NS = 30 * 10**9
-"""An age of a module's file, in nanoseconds.
+"""The minimum age of a module's file, in nanoseconds.
 
 If the file is newer, an earlier version of it may have been imported.
 """
@@ -151,7 +151,7 @@ class CheckCache:
 
     Args:
         key: The result of `environment_key`.
-        named: The digest of the names of all files of the command, on which a result may depend.
+        named: The digest of the names of all files of the command. A result may depend on these names.
     """
 
     def __init__(self, key: str, named: str) -> None:
@@ -171,7 +171,7 @@ class CheckCache:
             additions: The user's additions to the projects of the files.
             options: Further options that determine the findings, as JSON values.
         """
-        # Later checks in a process reuse responses of the first check without a query, so they would not record all
+        # Later checks in the same process reuse earlier responses without a query, so they would not record all
         # dependencies.
         is_first = not next(_uses)
         if (

@@ -28,8 +28,8 @@ class _WorkerProcess(NamedTuple):
 class ForkedWorkers:
     """Worker processes, which are forked from this process.
 
-    A worker has everything that this process has imported and read, so it starts immediately. Workers ignore Ctrl-C,
-    and end with this process, even if it is killed.
+    A worker inherits the imported modules and the data of this process, so it starts immediately. Workers ignore Ctrl-C.
+    They end with this process, even if this process is killed.
 
     Args:
         work: Function that returns the text for a number, or None if this process must compute the text itself.
@@ -70,7 +70,7 @@ class ForkedWorkers:
         process = os.fork()
         if process == 0:
             with suppress(BaseException):
-                # Otherwise the pipes of the other workers would stay open when their parent ends.
+                # The worker must not keep the pipes of other workers open after the parent has ended.
                 for descriptor in (
                     tasks,
                     results,
@@ -120,7 +120,7 @@ class ForkedWorkers:
             busy = {worker.results: worker for worker in self._workers if worker.pending}
             for descriptor in select.select([*busy], [], [], _POLL_SEC)[0]:
                 yield from self._receive(busy[descriptor])
-        while not is_over() and self._waiting:  # all workers were killed
+        while not is_over() and self._waiting:  # numbers that are left because all workers were killed
             yield self._waiting.popleft(), None
 
     def _receive(self, worker: _WorkerProcess) -> Iterator[tuple[int, str | None]]:

@@ -69,7 +69,7 @@ class CheckOptions(NamedTuple):
 
 
 class Validation:
-    """A check of several files as one set. A tree that is missing from one file is searched in the others.
+    """A check of several files as one set. The trees that one file lacks are searched for in the others.
 
     Args:
         names: The names of the files and folders, as the user wrote them.
@@ -109,14 +109,14 @@ class Validation:
         self._used: tuple[dict[Path, None], dict[Path, None]] = {}, {}
         self._found_in_folders: set[Path] = set()
         folders: list[Path] = []
-        # If a file has several names, such as links, or is also in a named folder, the first name is used.
+        # A file may be named several times: by links, or by its own name and its folder's. The first name is used.
         files: dict[Path, Path] = {}
         for name in names:
             for path in self._find_files(name, folders):
                 files.setdefault(real_path(path), path)
         self.files = tuple(files.values())
         self._places = frozenset(files)
-        # A single file or folder is not a set. The surrounding folders are searched for its trees instead.
+        # A single file or folder is not a set. Missing trees are searched for in the surrounding folders instead.
         trees = self.files if names[1:] else ()
         self._additions = additions._replace(trees=trees, names=self.files, folders=tuple(folders))
 
@@ -128,7 +128,7 @@ class Validation:
         """Yield the files to which a name refers. If the name is a folder, record it."""
         try:
             files = tree_files_in(Path(name)) if name and is_folder(name) else []
-            # A folder without trees may have the name of a shipped tree, for example a package of leaves.
+            # A folder without trees, such as a package of leaves, may have the same name as a shipped tree.
             if name and is_folder(name) and (files or not is_file(resources.find("trees", name, ".xml"))):
                 if not files:
                     self._report_error(f"{name} has no tree file")
@@ -234,9 +234,9 @@ class Validation:
                 self._reported.add(text)
                 self._on_note(text)
         self.checked += check.is_read
-        # A palette that is one of the checked files is reported as such, under the name that the user wrote.
+        # If a palette is one of the checked files, its own check reports it, under the name that the user wrote.
         self._report(each for each in check.palettes if real_path(Path(each.source.path)) not in self._places)
-        # The runs of an included tree are explored with each file that includes it.
+        # The runs of an included tree are explored again for each file that includes the tree.
         raised = [each for each in check.raised if (each.source.path, each.span) not in self._raising]
         self._raising.update((each.source.path, each.span) for each in raised)
         self._report([*check.findings, *check.further, *raised])
@@ -429,7 +429,7 @@ class CheckRun:
 
 
 class FileChecker:
-    """The checker of single files. It reports a check that failed as a finding.
+    """The checker of single files. If the check itself raises an error, this becomes a finding.
 
     Args:
         additions: The user's additions to the projects of the files.
@@ -438,7 +438,7 @@ class FileChecker:
 
     Attributes:
         surroundings: The file system queries of all checks so far, except for the queries in `sources` of each check.
-            The files share these queries, because they share configurations, palettes, sets of trees and nodes.
+            They concern the configurations, palettes, sets of trees and node modules, which the files share.
     """
 
     def __init__(
@@ -450,7 +450,7 @@ class FileChecker:
         self.surroundings = Observation()
         self._further_checks, self._try_runs = further_checks, try_runs
         self._check = FileCheck()
-        # Reading a file and its includes is recorded in its own check. A set is read once for all files.
+        # The queries for a file and its includes are recorded in the file's check. A set is read once for all files.
         with large_imports():
             from sar_compiler.project.workspace import Workspace
         self.workspace = Workspace(additions, self._read, self._add_note, further_checks, read_tree_file)
