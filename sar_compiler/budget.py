@@ -1,13 +1,13 @@
 """The limits of an analysis: time, memory, and Ctrl-C.
 
-A tree of a few lines can have more states than any machine can hold, because the numbers of values of its variables multiply. Every
-analysing command therefore has a budget, and prints its results so far when the budget is spent. An analysis ends in two steps, because
-some code never checks whether to stop:
+Even a small tree can have more states than fit into memory, because the number of states grows exponentially with the number of variables.
+Every analysing command therefore has a budget, and prints its results so far when the budget is spent. Some code never checks whether to
+stop, so an analysis ends in two steps:
 
-1. The budget is *spent*. A search checks this every few hundred ticks, stops, and evaluates its results.
+1. The budget is *spent*. A search checks the budget every few hundred ticks, stops, and evaluates its results.
 2. If the analysis continues for longer than a grace period, it is *abandoned*, and its last published result is used (`publish`). The
-   analysis runs in a separate thread, so that the waiting thread handles signals even while a library computes. An exception raised in the
-   abandoned thread ends it at its next Python instruction.
+   analysis runs in a separate thread, so that the waiting thread can handle signals even while a library computes. To end an
+   abandoned analysis, the waiting thread raises an exception in its thread, at the next Python instruction.
 """
 
 import math
@@ -34,7 +34,7 @@ WORK = 1 << 24
 It suffices for about 80,000 ticks of 10 nodes, or 4,000 ticks of 4,000 nodes.
 """
 _FILES_WITH_FULL_WORK = 10
-"""If more files are checked, the work for each file is reduced, at most to a sixteenth."""
+"""The number of files above which the work for each file is reduced, at most to a sixteenth."""
 
 _MB = 1_000_000
 _RSS_UNIT = 1 if sys.platform == "darwin" else 1024
@@ -44,7 +44,7 @@ _EXTRA_TIME, _EXTRA_MEMORY = 0.2, 0.5
 
 
 def work_for(files: int) -> int:
-    """Return the work that may be spent on searching the runs of each file when *files* files are checked."""
+    """Return the limit of the work for searching the runs of one file, given the number of checked files."""
     return min(WORK, max(WORK * _FILES_WITH_FULL_WORK // max(files, 1), WORK // 16))
 
 
@@ -82,18 +82,18 @@ class Budget:
     """The limits of an analysis.
 
     Args:
-        max_sec: The maximum time by *clock*, in seconds, from the creation of the budget.
+        max_sec: The maximum time since the creation of the budget, in seconds of *clock*.
         max_memory_mb: The maximum memory of the process, in MB (10^6 bytes).
-        patience_sec: The minimum time, in seconds, between spending the budget and abandoning the analysis; 0 for code that never checks
+        patience_sec: The grace period, in seconds, between spending the budget and abandoning the analysis; 0 for code that never checks
                       whether to stop.
-        clock: The clock of the time limit; `time.monotonic` for work in other processes.
+        clock: The clock of the time limit: by default, processor time. For work in other processes, pass `time.monotonic`.
         on_progress: Called repeatedly with the progress of a search, in the thread of the analysis.
-        memory: Returns the memory of the process, in MB (10^6 bytes). By default, this is the peak
-            memory, which only suits a process that ends with the analysis.
+        memory: Returns the memory of the process, in MB (10^6 bytes). The default is the peak memory, which never
+            decreases, so it only suits a process that ends with the analysis.
 
     Attributes:
-        reason: Why the budget is spent, in words; empty until then.
-        is_interrupted: Whether Ctrl-C, or another signal that ends a command, has spent the budget.
+        reason: The reason why the budget is spent, in words; empty until then.
+        is_interrupted: Whether a signal that ends a command, such as Ctrl-C, has spent the budget.
     """
 
     def __init__(
@@ -128,16 +128,16 @@ class Budget:
 
     @property
     def exit_status(self) -> int:
-        """The status of a command whose budget is spent: 130 after Ctrl-C, otherwise 1, as for an undecided result."""
+        """The exit status of a command whose budget is spent: 130 after Ctrl-C, otherwise 1 (an undecided result)."""
         return self._interrupt_status if self.is_interrupted else 1
 
     def spend(self, reason: str) -> None:
-        """Spend the budget; only the first reason is kept."""
+        """Mark the budget as spent. Only the first reason is kept."""
         if not self.reason:
             self.reason, self._spent_at = reason, time.monotonic()
 
     def spend_by(self, interrupt: KeyboardInterrupt) -> None:
-        """Spend the budget because of Ctrl-C.
+        """Mark the budget as spent because of Ctrl-C or another signal.
 
         Raises:
             KeyboardInterrupt: At the second Ctrl-C.
@@ -153,11 +153,11 @@ class Budget:
         self._max_memory_mb /= processes
 
     def publish(self, result: Callable[[], object]) -> None:
-        """Set the function that builds the result so far, which `run` returns for an abandoned analysis."""
+        """Set the function that builds the result so far. `run` calls it if the analysis is abandoned."""
         self._published = result
 
     def run(self, work: Callable[[], T]) -> T:
-        """Run an analysis, and return its result, or its last published result if it is abandoned.
+        """Run an analysis and return its result. If the analysis is abandoned, return its last published result.
 
         Args:
             work: The analysis. It can be abandoned anywhere, so it must hold no lock and write no file.
@@ -170,7 +170,7 @@ class Budget:
         self._published = None
         outcome = _WorkOutcome()
         thread = threading.Thread(target=outcome.execute, args=(work,), name="analysis", daemon=True)
-        # Set before the start: Ctrl-C can interrupt `start` after the thread began but before its `ident` is set.
+        # `is_started` is set first, because Ctrl-C can interrupt `start` when the thread already runs but has no `ident` yet.
         is_started = False
         while True:
             try:
@@ -219,14 +219,14 @@ class _WorkOutcome:
 
 
 class _AbandonedExit(SystemExit):
-    """Ends the thread of an abandoned analysis; a thread that ends with a SystemExit prints nothing."""
+    """The exception that ends the thread of an abandoned analysis. As a `SystemExit`, it prints no traceback."""
 
 
 def _raise_exit_in(thread: threading.Thread) -> None:
     """Raise `_AbandonedExit` in a thread at its next Python instruction.
 
-    Under a debugger or a coverage tool, the thread is left alone: until it has raised, the tracer of CPython 3.11 keeps
-    the calling thread at its next function call, which can be forever.
+    Nothing is raised under a debugger or a coverage tool. In CPython 3.11, the calling thread would then stop at its next
+    function call until the exception is raised, possibly forever.
     """
     if thread.ident is not None and sys.gettrace() is None:
         import ctypes

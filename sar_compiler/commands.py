@@ -1,4 +1,4 @@
-"""Common parts of all commands: their parser, their exit statuses, and their error messages."""
+"""The argument parser, the exit statuses and the error messages of all commands."""
 
 import argparse
 import codecs
@@ -22,24 +22,24 @@ OK = 0
 FINDINGS = 1
 USAGE = 2
 RULE_FAILED = 3
-"""The status of `sar-compile` if a check failed with an internal error; the findings of the other checks are reported."""
+"""The exit status of `sar-compile` if a check failed with an internal error. The findings of other checks are still reported."""
 ROBOT_MAY_MOVE = 4
-"""The status of a stopped run with a goal that may still be active."""
+"""The exit status of a run that was stopped while a goal may still be active."""
 INTERRUPTED = 130
 PIPE_CLOSED = 141
-"""The status that a shell reports for a process that wrote to a closed pipe: the output may not have been read."""
+"""The exit status that a shell reports for a process that wrote to a closed pipe, whose output may not have been read."""
 
 _NO_MEMORY = "failed to map segment"
-"""The part of the library loader's message that means that there is not enough memory to load a library."""
+"""A part of the library loader's message for a lack of memory."""
 LIMITS_VARIABLE = "SAR_CALL_LIMITS"
-"""The environment variable with the limits of a tool call by the MCP server (`agent.call_limits`)."""
+"""The environment variable in which the MCP server passes the limits of a tool call (`agent.call_limits`)."""
 
 _UNWRITABLE = (errno.EBADF, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENOSPC)
-"""The error numbers of failed writes to standard output, except that of a closed pipe."""
+"""The error numbers of failed writes to standard output. A closed pipe is handled separately."""
 
 # The top-level modules of the simulator's libraries.
 _SIMULATOR = ("numpy", "scipy", "PIL")
-# The modules of the extras that single options need, each with the option and an addition to the remedy.
+# The extras of this package: the modules of each extra, the option that needs it, and an addition to the remedy.
 _OPTION_EXTRAS = {
     "groot2": (("zmq", "msgpack"), "--groot2", ", or apt's python3-zmq and python3-msgpack on a robot"),
     "lsp": (("pygls", "lsprotocol", "cattrs", "attr", "attrs"), "the language server", ""),
@@ -61,7 +61,7 @@ _OPTION_EXTRAS = {
 _ROS = ("rclpy", "rpyutils", "ament_index_python")
 _ROS_ENDINGS = ("_msgs", "_srvs", "_interfaces")
 INTERFACES = ("bond", "btcpp_ros2_interfaces", "nav2_msgs", "sar_interfaces", "tf2_msgs")
-"""The message packages that no package index provides; their wheels can be built from a checkout of this repository."""
+"""The message packages that no package index provides. Their wheels can be built from a checkout of this repository."""
 
 
 def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line for each kind of error
@@ -87,7 +87,7 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
         print_error(f"{prog}: {message}")
         return USAGE
     except BrokenPipeError:
-        # The reader has closed the pipe (`| head`); the rest of the buffer is discarded.
+        # The reader has closed the pipe (`| head`), so the rest of the buffer is discarded.
         sys.stderr.close()
         return PIPE_CLOSED
     except (OSError, UnicodeEncodeError) as error:
@@ -103,14 +103,14 @@ def run(command: Callable[[], int], prog: str) -> int:  # noqa: PLR0911 - a line
     except KeyboardInterrupt as interrupt:
         return status_of_interrupt(interrupt)
     except MemoryError:
-        # Reported below, because the exception keeps the frames, and with them the memory, in use.
+        # The message is printed below. Here, the exception still refers to the frames, which keep the memory in use.
         pass
     print_error(f"{prog}: there is not enough memory for this command")
     return USAGE
 
 
 def is_tree_error(error: SarError) -> "TypeGuard[TreeError]":
-    """Return whether an error is a `TreeError`, without a slow import: if it is, its module has already been imported."""
+    """Return whether an error is a `TreeError`, without importing the class: its module is loaded if such an error exists."""
     diagnostic = sys.modules.get("sar_compiler.tree.diagnostic")
     return diagnostic is not None and isinstance(error, diagnostic.TreeError)
 
@@ -128,25 +128,25 @@ def _run_and_flush(command: Callable[[], int]) -> int:
 
 
 def print_error(text: str) -> None:
-    """Print a text on standard error, with visible control characters; do nothing if standard error cannot be written."""
+    """Print a text on standard error, with control characters escaped. If standard error cannot be written, do nothing."""
     with suppress(OSError, UnicodeError):  # the failure cannot be reported anywhere
         try:
             print(f"{_visible(text)}\n", end="", file=sys.stderr, flush=True)
         except OSError:
-            # Otherwise Python would write the text again when it exits, fail, and change the exit status.
+            # The buffer is discarded. Otherwise, Python would try to write it again at exit, and change the exit status.
             _discard(sys.stderr)
 
 
 def print_note(text: str) -> None:
-    """Print a note on standard error about something unexpected that is not an error."""
+    """Print a note about an unexpected fact on standard error."""
     print_error(f"note: {text}")
 
 
 def print_text(text: str, end: str = "\n", *, flush: bool = False) -> None:
-    """Print a text for people on standard output, with visible control characters; not for data that programs read.
+    """Print a text for people on standard output, with control characters escaped. Do not use it for data that programs read.
 
-    The text is written in one piece, even if Python is unbuffered (PYTHONUNBUFFERED), so that log lines of other threads do not appear
-    within its lines.
+    The text is written in one piece, even if Python is unbuffered (PYTHONUNBUFFERED). Log lines of other threads therefore never split
+    its lines.
     """
     print(f"{_visible(text)}{end}", end="", flush=flush)
 
@@ -158,10 +158,10 @@ def _visible(text: str) -> str:
 
 
 def interruptible(*more: int) -> None:
-    """Let Ctrl-C raise a `KeyboardInterrupt` from now on, which ends a command in `run` after its cleanup code.
+    """Make Ctrl-C raise a `KeyboardInterrupt` from now on. `run` then ends the command after its cleanup code.
 
     Args:
-        more: Other signals with the same effect. The exception has the number of the signal as its argument.
+        more: Other signals with the same effect. The argument of the exception is the number of the signal.
     """
 
     def interrupt(number: int, _frame: object) -> None:
@@ -171,9 +171,9 @@ def interruptible(*more: int) -> None:
 
 
 def exit_on_interrupt() -> None:
-    """Let Ctrl-C end this process immediately from now on, for a server that reads standard input in a thread.
+    """Make Ctrl-C end this process immediately from now on, for a server that reads standard input in a thread.
 
-    An exception in the main thread would not end the other thread.
+    An exception in the main thread would not end the thread that reads.
     """
 
     def leave(number: int, _frame: object) -> None:
@@ -207,7 +207,7 @@ def _discard(stream: TextIO) -> None:
 
 
 def _write_failure(error: OSError | UnicodeEncodeError) -> str | None:
-    """Return why standard output could not be written; None if the error has another cause."""
+    """Return the reason why standard output could not be written; None if the error has another cause."""
     if isinstance(error, OSError):
         return error.strerror if error.filename is None and error.errno in _UNWRITABLE else None
     encoding = sys.stdout.encoding
@@ -220,7 +220,7 @@ def _write_failure(error: OSError | UnicodeEncodeError) -> str | None:
 
 
 def missing_library_message(error: ImportError) -> str | None:
-    """Return a message that a library is missing, with the command that installs it; None for an unknown library."""
+    """Return the message about a missing library, with the command that installs it; None for an unknown library."""
     if (part := missing_part(error)) is not None:
         return f"a part of sar_compiler is not installed: sar_compiler.{part}"
     module = (error.name or "").split(".")[0]
@@ -250,7 +250,7 @@ def missing_library_message(error: ImportError) -> str | None:
 
 
 def _usage_suggestion(message: str, options: Iterable[str], *, has_ros: bool) -> str:
-    """Return a suggestion to append to argparse's message: the choice or option that the user probably meant.
+    """Return a suggestion to append to argparse's message, such as the option that the user probably meant.
 
     Return an empty string if there is no suggestion.
     """
@@ -283,11 +283,11 @@ _OTHER_NAMES = {
     "fmt": "format",
     "help": "explain",
 }
-"""The subcommand to suggest for a name that other programs use for it."""
+"""The subcommand to suggest for a name that other programs use for the same command."""
 
 
 def requested_columns() -> int:
-    """Return the terminal width in the environment variable `COLUMNS`; 0 if it is not set."""
+    """Return the terminal width from the environment variable `COLUMNS`; 0 if the variable is not set."""
     text = os.environ.get("COLUMNS", "")
     return int(text) if text.isdecimal() else 0
 
@@ -320,14 +320,14 @@ class CommandParser(argparse.ArgumentParser):
         return super().parse_args(args, namespace)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse a command line; report unknown arguments as errors of this parser, not of its parent."""
+        """Parse a command line. Unknown arguments are reported as errors of this parser, not of its parent."""
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}")
         return found, unknown
 
     def abridge(self, *hidden: str, **shortened: str) -> None:
-        """Hide some options in `--help` and shorten the help of others; `--help-all` shows all options in full.
+        """Hide some options in `--help`, and shorten the help of others. `--help-all` shows all options in full.
 
         Args:
             hidden: Names of rarely used options.
@@ -367,19 +367,19 @@ class CommandParser(argparse.ArgumentParser):
         import argcomplete
 
         self.show_all()
-        # After --ros-args the shell offers files instead.
+        # After --ros-args, the shell completes file names instead.
         if "--ros-args" not in os.environ["COMP_LINE"].split():
             argcomplete.autocomplete(self, always_complete_options=False)
         sys.exit()
 
     def _get_formatter(self) -> argparse.HelpFormatter:
-        # argparse creates a formatter for every argument, to check its name. Without a width the formatter would import a slow module.
+        # argparse creates a formatter to check each argument's name. Without a width, the formatter would import a slow module.
         width = columns(sys.stdout) or requested_columns() or 80
         return _Formatter(prog=self.prog, width=width - 2)
 
 
 class _Formatter(argparse.HelpFormatter):
-    """A help formatter that writes `[options]` in the usage line instead of the options, which the help lists below."""
+    """A help formatter that writes `[options]` in the usage line instead of all options. The help lists them below."""
 
     def _format_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any) -> str:
         named = [action for action in actions if action.required or not action.option_strings]
@@ -408,7 +408,7 @@ def add_version(parser: argparse.ArgumentParser) -> None:
 
 
 def version_of(distribution: str) -> str:
-    """Return the version of an installed distribution, from the name of its metadata folder, because importing `importlib.metadata` is slow."""
+    """Return the version of an installed distribution from the name of its metadata folder. Importing `importlib.metadata` is slow."""
     for folder in sys.path:
         with suppress(OSError):
             for name in os.listdir(folder or os.curdir):  # noqa: PTH208 - importing pathlib is slow too

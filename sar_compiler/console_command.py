@@ -1,7 +1,7 @@
 """The start of a console command, during which Ctrl-C ends the process without a traceback.
 
-Importing a command is slow, and Python would respond to Ctrl-C during the import with a traceback. This module therefore
-imports only fast modules, and handles Ctrl-C until the imported command sets its own handler.
+Importing a command takes time, and Python would respond to Ctrl-C during the import with a traceback. This module therefore
+imports only modules that load quickly, and handles Ctrl-C until the imported command sets its own handler.
 """
 
 import gc
@@ -14,12 +14,12 @@ from typing import NoReturn
 
 
 def console_command(module: str, function: str = "main", *, is_server: bool = False) -> NoReturn:
-    """Import a command, run it, and end the process with its exit status; before and after the run, Ctrl-C ends the process at once.
+    """Import a command, run it, and end the process with its exit status. Ctrl-C before or after the run ends the process immediately.
 
     Args:
         module: The import path of the command's module.
         function: The name of the function that runs the command and returns its exit status.
-        is_server: Whether the command is a server, for which Ctrl-C is the regular end, with exit status 0.
+        is_server: Whether the command is a server. Ctrl-C is the regular way to end a server, so its exit status is then 0.
     """
 
     def leave(number: int, _frame: FrameType | None) -> None:
@@ -57,7 +57,7 @@ def _run_command(module: str, function: str) -> int:
         name = os.path.basename(sys.argv[0])  # noqa: PTH119 - as above
         sys.stderr.write(f"{name}: a part of sar_compiler is not installed: sar_compiler.{part}\n")
         return 2
-    except BaseException:  # noqa: BLE001 - the interpreter would do the same, and then wait for other threads
+    except BaseException:  # noqa: BLE001 - as the interpreter does, but without waiting for other threads
         sys.excepthook(*sys.exc_info())
         return 1
 
@@ -65,7 +65,7 @@ def _run_command(module: str, function: str) -> int:
 def _leave_current_folder() -> None:
     """Prevent further imports from the current folder, which may be untrusted.
 
-    An empty or relative entry of `PYTHONPATH` refers to this folder. Modules that the user names are still searched there.
+    Empty and relative entries of `PYTHONPATH` refer to this folder. Modules that the user names can still be imported from it.
     """
     try:
         entries = os.environ["PYTHONPATH"].split(os.pathsep)

@@ -5,7 +5,7 @@ Every module derives its own errors from `SarError`. A command prints such an er
 
 
 class SarError(Exception):
-    """An error caused by the user's input or environment, whose message names the problem and the remedy.
+    """An error caused by the user's input or environment. Its message names the problem and the remedy.
 
     Attributes:
         exit_status: The exit status of a command that ends with this error.
@@ -19,7 +19,7 @@ class UndecidableError(SarError):
 
 
 class UnsteadyError(UndecidableError):
-    """Repeating a tick with the same choices requested different choices."""
+    """A tick was repeated with the same choices, but requested other choices than before."""
 
 
 class NodeError(SarError):

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 LARGE = 100_000
-"""The number of characters of source text (about 2,000 elements) from which garbage collection takes noticeable time."""
+"""The number of characters of source text (about 2,000 elements) above which garbage collection takes noticeable time."""
 
-# Python 3.12 itself freezes about 400 objects at each collection. If more are frozen, other code has called `gc.freeze`.
+# Python 3.12 itself freezes about 400 objects at each collection. If more objects are frozen, other code has called `gc.freeze`.
 _FROZEN = 1_000
 
 
@@ -19,9 +19,9 @@ def gc_paused(acyclic: int = 0) -> Iterator[None]:
     For a large tree, garbage collection would take as long as the rest of the work.
 
     Args:
-        acyclic: The number of characters of source text, if the structure has no reference cycles. If this number is large, the
-            structure is moved to the oldest generation at once, which saves the collector two scans. A structure with
-            cycles must not be moved, because the collector would not know its size and would wait too long.
+        acyclic: The number of characters of source text if the structure has no reference cycles, else 0. A large structure
+            is moved directly to the oldest generation, which saves the collector two scans. A structure with cycles must
+            not be moved: the collector would not count its objects, and would collect them too late.
     """
     enabled = gc.isenabled()
     # Objects that other code has frozen must stay frozen.
@@ -41,7 +41,7 @@ def gc_paused(acyclic: int = 0) -> Iterator[None]:
 
 @contextmanager
 def large_imports() -> Iterator[None]:
-    """Disable garbage collection during large imports, because scanning the imported objects, then or later, would free no memory."""
+    """Disable garbage collection during large imports. Scanning the imported objects, now or later, would free no memory."""
     with gc_paused(LARGE):
         yield
     atexit.register(gc.freeze)

@@ -1,4 +1,4 @@
-"""The command line of a helper process, which has this process's import path without the current folder."""
+"""The command line of a helper process that has the same import path as this process."""
 
 import sys
 
@@ -6,14 +6,14 @@ import sys
 def helper_command(module: str, function: str, *arguments: str) -> list[str]:
     """Return the command line of a Python process that calls a function and exits with its result.
 
-    Start it with `process_end.dependent_environment` if it must end together with this process.
+    If the helper process must end together with this process, start it with `process_end.dependent_environment`.
 
     Args:
         module: The import path of the function's module.
-        function: The name of the function, which is called without arguments.
-        arguments: The arguments of the process, in `sys.argv[1:]`.
+        function: The name of the function. It is called without arguments, and returns the exit status.
+        arguments: The arguments of the process, which it finds in `sys.argv[1:]`.
     """
-    # The first statement replaces the import path, in which `-c` puts the current folder first.
+    # With `-c`, Python adds the current folder to the import path, so the first statement replaces the path.
     program = (
         f"import sys; sys.path[:] = {sys.path!r}; from {module} import {function}; sys.exit({function}())"
     )

@@ -1,4 +1,4 @@
-"""Reading and writing of standard JSON, in which numbers that are not finite become null."""
+"""Reading and writing of standard JSON. Numbers that are not finite become null."""
 
 import functools
 import json
@@ -12,7 +12,7 @@ def _float(text: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-# Created once, because `json.loads` with an option creates a decoder for each text, which takes longer than decoding a short text.
+# Created once: with an option, `json.loads` creates a decoder for each text, which takes longer than decoding a short text.
 _decoder = json.JSONDecoder(parse_constant=lambda _: None, parse_float=_float)
 
 
@@ -39,7 +39,7 @@ def json_value(text: str) -> Any:
     Raises:
         ValueError: If the text is not JSON.
     """
-    # `scan_once` is fast, but unlike `decode` it does not skip blanks around the value, which most texts do not have.
+    # `scan_once` is faster than `decode`, but does not skip blanks around the value. Most texts have no such blanks.
     try:
         value, end = _decoder.scan_once(text, 0)  # type: ignore[attr-defined]
     except StopIteration:
@@ -48,7 +48,7 @@ def json_value(text: str) -> Any:
 
 
 def json_data(value: object) -> Any:
-    """Convert a value to the values that a JSON file would contain: iterables become lists, and other objects become strings."""
+    """Convert a value to JSON values: iterables become lists, and objects without a JSON counterpart become strings."""
     return json_value(json_text(value, default=_to_json))
 
 

@@ -1,6 +1,6 @@
-"""Lazy imports of public names: a module offers names that are imported from other modules at their first use.
+"""Lazy imports: a module exports public names of other modules, and imports each of them only at its first use.
 
-The module lists these names only once, as imports for type checkers; `lazy` reads the list in the module's source.
+The module lists the names only once, as imports for type checkers. `lazy` reads this list from the module's source.
 """
 
 import importlib

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 class LoadedTree(ProjectTree):
-    """A tree file with all of its included files, and the settings of its project; created by `load`."""
+    """A tree file with its included files and the settings of its project. Create it with `load`."""
 
     def _repr_svg_(self) -> str | None:
-        """Return a picture for a notebook, or None if the file is malformed; the notebook then shows text."""
+        """Return a picture for a notebook. If the file is malformed, return None, and the notebook shows text."""
         from sar_compiler.views.drawing import svg
 
         try:
@@ -44,8 +44,8 @@ class LoadedTree(ProjectTree):
         """Compile a tree for ticking.
 
         Args:
-            node: The ROS node that ticks the tree. The tree uses the clock of this node, and finds its parameters as keys of
-                    the root blackboard. Without a node, the tree uses the steady clock.
+            node: The ROS node that ticks the tree. It provides the tree's clock, and its parameters become keys of the root
+                    blackboard. Without a node, the tree uses the steady clock.
             parameters: Further keys of the root blackboard, which override the node's parameters.
             context: Objects that leaves require in their constructors, by their type.
             tree_id: The ID of a tree in the file; by default the main tree.
@@ -120,14 +120,14 @@ def load(
         nodes: Your own leaves: classes, modules, or import paths of modules.
         models: Palettes of nodes that are not installed: files, or names of shipped palettes, such as `nav2:jazzy`.
         include_path: Further folders for included files.
-        registry: The known nodes, which replace the installed nodes, *nodes* and installed palettes.
-        mission: The name of the mission; by default, the leaves' requirements determine the mission.
+        registry: The known nodes; if given, the installed nodes, *nodes* and installed palettes are ignored.
+        mission: The name of the mission; by default, the mission is determined from the requirements of the leaves.
         isolated: Whether to ignore the project's configuration, palettes and other trees.
 
     Raises:
         UnreadableFileError: If the file does not exist or cannot be read.
-        TreeError: If the project's configuration has errors. `check` returns findings about the tree; `compile`, `simulate` and
-                `verify` raise them.
+        TreeError: If the project's configuration has errors. Errors in the tree itself are returned by `check`, and raised by
+                `compile`, `simulate` and `verify`.
         TypeError: If *nodes*, *models* or *include_path* is a single string.
     """
     for name, several in (("nodes", nodes), ("models", models), ("include_path", include_path)):
@@ -137,5 +137,5 @@ def load(
     additions = CommandLineSettings(
         tuple(nodes), palettes, folders, registry=registry, mission=mission, is_isolated=isolated
     )
-    # Between the warning and the caller are the frames of `_note`, `project_of` and the two functions `load`.
+    # The frames of `_note`, `project_of` and the two functions `load` are between the warning and the caller.
     return _LoadingWorkspace(additions, note=lambda text: warnings.warn(text, stacklevel=6)).load(tree)

@@ -1,9 +1,9 @@
-"""The only access to files that are named by a file, a payload, an agent, an editor or the environment.
+"""Safe access to files that are named by a file, a payload, an agent, an editor or the environment.
 
-Such a file may come from an untrusted source, which may have chosen the file's name and may replace the file at any moment. A check of a
-path is therefore worthless for a later access by the path. `read_file` first gets a handle without opening the file (`O_PATH`, which does
-not wake a device or wait for the writer of a pipe), and asks the system for the file's type and location. It then opens and reads the same
-file, even if the name refers to another file by then. `tests/test_house.py` forbids other accesses.
+An untrusted source may have chosen the name of such a file, and may replace the file at any moment. A check by path is therefore worthless
+for a later access by the same path. `read_file` first obtains a handle without opening the file (`O_PATH`, which neither activates a device
+nor waits for the writer of a pipe), and asks the system for the file's type and location. It then opens and reads this very file, even if
+the path leads to another file by then. `tests/test_house.py` forbids all other accesses to such files.
 """
 
 import errno
@@ -27,7 +27,7 @@ else:
     )  # before Python 3.12, only the path class of the current system can be subclassed
 
 STANDARD_INPUT = Path("<stdin>")
-"""The path that names standard input, which is read once, and its name in findings."""
+"""The path that stands for standard input, and the name of standard input in findings. It is read only once."""
 
 _MIB = 2**20
 # The folder in which Linux lists the file of each descriptor.
@@ -35,9 +35,9 @@ _DESCRIPTORS = Path("/proc/self/fd")
 _HANDLE_ONLY: int | None = getattr(os, "O_PATH", None) if _DESCRIPTORS.is_dir() else None
 _NOT_BLOCKING: int = getattr(os, "O_NONBLOCK", 0)
 _PIPE_SEC = 0.5
-"""The interval of checks whether a pipe blocks another library that opens a file, in seconds."""
+"""The interval, in seconds, of the checks whether a pipe blocks a library that opens a file."""
 _ATTEMPTS = 10
-"""The number of attempts to open a file that is replaced at the same moment, as editors do when they save."""
+"""The number of attempts to open a file that is replaced at the same moment, for example when an editor saves it."""
 
 
 class _CanClose(Protocol):
@@ -55,7 +55,7 @@ class UnreadableFileError(SarError):
 
     Attributes:
         path: The path of the file, as the user or another file names it.
-        reason: Why the file cannot be read, as part of a sentence.
+        reason: The reason why the file cannot be read, as part of a sentence.
     """
 
     def __init__(self, path: Path, reason: str, message: str = "") -> None:
@@ -77,7 +77,7 @@ class FileKind(NamedTuple):
     Attributes:
         name: The name of the kind in messages.
         limit: The maximum number of bytes to read.
-        is_installed: Whether such files belong to installed packages, so that a confined process may also read them.
+        is_installed: Whether such files belong to installed packages. If so, a confined process may read them as well.
     """
 
     name: str
@@ -86,9 +86,9 @@ class FileKind(NamedTuple):
 
 
 TREE = FileKind("tree file", 32 * _MIB)
-"""A tree file or a palette; a file with 100,000 leaves has about a third of the limit."""
+"""A tree file or a palette. The size of a file with 100,000 leaves is about a third of the limit."""
 DOCUMENT = FileKind("file beside a tree", _MIB)
-"""A file that people write. The limit is low, because a value needs about a thousand times as much memory as its text."""
+"""A file that people write. The limit is low, because a value takes about a thousand times the memory of its text."""
 SETTINGS = DOCUMENT._replace(name="settings file")
 PROPERTIES = DOCUMENT._replace(name="properties file")
 SCENARIO = DOCUMENT._replace(name="scenario")
@@ -106,13 +106,13 @@ METADATA = FileKind("package metadata", _MIB, is_installed=True)
 
 
 class FileIdentity(NamedTuple):
-    """The identity and state of a file that was read; equal for two reads of the same file without a write in between.
+    """The identity and state of a file that was read. They are equal for two reads of a file without a write in between.
 
     Attributes:
         device: The number of the file system.
         inode: The file's number in the file system.
-        size: The size, bytes.
-        modified_ns: The time of the last write, nanoseconds since 1970.
+        size: The size, in bytes.
+        modified_ns: The time of the last write, in nanoseconds since 1970.
         owner: The ID of the user who owns the file.
         mode: The type and permissions (`st_mode`).
     """
@@ -130,8 +130,8 @@ class FileContent(NamedTuple):
 
     Attributes:
         path: The file's path, as the user or another file names it.
-        real_path: The file's path with links followed.
-        data: The file's bytes, at most one more than the limit of the kind.
+        real_path: The file's path, with links resolved.
+        data: The file's bytes. One byte above the limit of the kind shows that the file is too large.
         identity: The file's identity; None for standard input.
         kind: The kind of the file.
     """
@@ -170,10 +170,10 @@ class FileContent(NamedTuple):
 
 
 class NamedPath(_PathBase):
-    """A path named by a file or a payload, whose file must be below certain folders, with links followed, to be read.
+    """A path from a file or a payload that is read only if its file, with links resolved, is below one of the given folders.
 
-    The object behaves like any other path, and passes the folders on to the code that opens the file. Paths derived from it (`parent`,
-    `/`) have no folders.
+    The object behaves like any other path. The code that opens the file checks the folders. Paths derived from this path (`parent`, `/`)
+    have no folders.
 
     Attributes:
         beneath: The folders; None if the file may be in any folder.
@@ -183,13 +183,13 @@ class NamedPath(_PathBase):
 
     @classmethod
     def confined_to(cls, path: Path, folders: Iterable[Path]) -> "NamedPath":
-        """Return a path whose file must be below one of the folders to be read."""
+        """Return a path that is read only if its file is below one of the folders."""
         named = cls(path)
         named.beneath = tuple(folders)
         return named
 
     def __reduce__(self) -> Any:
-        # pathlib's own method loses the folders, so that another process would read any file.
+        # pathlib's own method loses the folders, so another process would be able to read any file.
         return _named_path, (str(self), self.beneath)
 
 
@@ -214,13 +214,13 @@ class FileQuery(NamedTuple):
 
 
 class Observation(dict[FileQuery, str]):
-    """The file-system queries of a computation with their results; the computation is valid as long as the results are the same.
+    """The file system queries of a computation, with their results. The computation is valid as long as the results are the same.
 
-    The results are short. The result of reading a file is a digest of the file's content, and its location. Queries of missing files are
+    The result of reading a file is stored as a digest of the file's content and location. Queries for missing files are
     included.
 
     Attributes:
-        is_consistent: Whether each repeated query had the same result.
+        is_consistent: Whether repeated queries had the same result each time.
     """
 
     is_consistent = True
@@ -244,8 +244,8 @@ class Observation(dict[FileQuery, str]):
 
     @contextmanager
     def recording(self) -> Iterator[None]:
-        """Record the queries in the block; if observations are nested, only the innermost one records queries."""
-        global _observation  # noqa: PLW0603 - queries are made everywhere, and their results do not depend on it
+        """Record the queries in the block. If observations are nested, only the innermost one records queries."""
+        global _observation  # noqa: PLW0603 - queries are made everywhere, and recording does not change their results
         before, _observation = _observation, self
         try:
             yield
@@ -257,14 +257,14 @@ _observation: Observation | None = None
 
 
 def mark_unrepeatable() -> None:
-    """Exclude the current computation from the cache, because it depends on more than file-system queries."""
+    """Exclude the current computation from the cache, because it depends on more than file system queries."""
     if _observation is not None:
         _observation.is_consistent = False
 
 
 def digest(data: bytes) -> str:
     """Return the BLAKE2b digest of bytes, as hexadecimal digits."""
-    # Imported late, because most commands need no digest, and not from `hashlib`, which loads OpenSSL and takes ten times as long.
+    # Imported late, because most commands need no digest. Importing `hashlib` would load OpenSSL and take ten times as long.
     try:
         from _blake2 import blake2b
     except ImportError:
@@ -279,21 +279,21 @@ def _record(kind: str, path: str | Path, result: str, limit: int = 0) -> None:
 
 
 def is_file(path: str | Path) -> bool:
-    """Return whether a path is a regular file; False for an impossible name, for which `Path.is_file` raises an error."""
+    """Return whether a path is a regular file; False for an invalid name. `Path.is_file` may raise an error for such a name."""
     found = os.path.isfile(path)  # noqa: PTH113 - see above
     _record("file", path, str(found))
     return found
 
 
 def is_folder(path: str | Path) -> bool:
-    """Return whether a path is a folder; False for an impossible name."""
+    """Return whether a path is a folder; False for an invalid name."""
     found = os.path.isdir(path)  # noqa: PTH112
     _record("folder", path, str(found))
     return found
 
 
 def is_there(path: str | Path) -> bool:
-    """Return whether a path exists; False for an impossible name."""
+    """Return whether a path exists; False for an invalid name."""
     found = os.path.exists(path)  # noqa: PTH110
     _record("there", path, str(found))
     return found
@@ -319,7 +319,7 @@ def matching_paths(pattern: str) -> list[str]:
 
 
 def state_of(path: str | Path) -> tuple[int, int]:
-    """Return the size of a file in bytes, and the time of its last write in nanoseconds since 1970; zeros if it does not exist."""
+    """Return a file's size in bytes, and the time of its last write in nanoseconds since 1970; zeros for a missing file."""
     state = 0, 0
     with suppress(OSError, ValueError):
         about = os.stat(path)  # noqa: PTH116 - the path may be a string
@@ -329,7 +329,7 @@ def state_of(path: str | Path) -> tuple[int, int]:
 
 
 class _Confinement(NamedTuple):
-    """The folders below which a file must be, and a description of the folders for messages."""
+    """The folders that a file must be in or below, and a description of these folders for messages."""
 
     folders: tuple[Path, ...]
     description: str
@@ -342,15 +342,15 @@ def confine(folders: Iterable[Path], description: str) -> None:
     """Restrict this process, until its end, to installed files and files below the given folders.
 
     Args:
-        folders: The folders, or single files, with links followed.
+        folders: The folders, or single files, with links resolved.
         description: A description of the folders for messages.
     """
-    global _confinement  # noqa: PLW0603 - it is irreversible, and a process has only one
+    global _confinement  # noqa: PLW0603 - a process has only one confinement, which is irreversible
     _confinement = _Confinement(tuple(folders), description)
 
 
 def allow_reading(path: Path) -> None:
-    """Let a confined process read a file, or the files in a folder, that an installed mission or ROS package names."""
+    """Let a confined process read a file or folder that an installed mission or ROS package names."""
     global _confinement  # noqa: PLW0603 - as above
     if _confinement is not None:
         real = Path(os.path.realpath(path))
@@ -358,7 +358,7 @@ def allow_reading(path: Path) -> None:
 
 
 def may_read(folder: Path) -> bool:
-    """Return whether this process may read the files in a folder, given with links followed."""
+    """Return whether this process may read the files in a folder. Links in the path must be resolved."""
     return _confinement is None or any(folder.is_relative_to(each) for each in _confinement.folders)
 
 
@@ -366,7 +366,7 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
     """Read a file.
 
     Args:
-        path: The path of the file. The file of a `NamedPath` must be below the folders of the path. `STANDARD_INPUT` is read once.
+        path: The path of the file, which for a `NamedPath` must be below the folders of the path. `STANDARD_INPUT` is read only once.
         kind: The kind of the file.
 
     Raises:
@@ -390,7 +390,7 @@ def read_file(path: str | Path, kind: FileKind) -> FileContent:
 
 @contextmanager
 def read_files_once() -> Iterator[None]:
-    """Read each small file only once in the block, so that all results refer to the same state; no file may be written in the block."""
+    """Read each small file only once in the block, so that all results refer to the same state. The block must not write files."""
     global _stored  # noqa: PLW0603 - files are read everywhere
     before, _stored = _stored, {}
     try:
@@ -404,7 +404,7 @@ _MAX_STORED = 64 * 1024
 
 
 def _stored_content(named: Path, kind: FileKind) -> FileContent | None:
-    """Return the content of a file that was read before in `read_files_once`; None if it was not, or if the file may not be read."""
+    """Return the content of a file that the block of `read_files_once` has read; None if it has not, or must not read the file."""
     try:
         content = _stored.get(os.path.realpath(named)) if _stored else None
     except ValueError:  # no file can have this name
@@ -421,7 +421,7 @@ def _stored_content(named: Path, kind: FileKind) -> FileContent | None:
 def _read(named: Path, kind: FileKind) -> FileContent:
     with _open_regular(named, kind) as (descriptor, real):
         about = os.fstat(descriptor)
-        # Read to the end of the file instead of up to its size, because it may grow, and files of the system have no size.
+        # Read until the end of the file, not up to its size: the file may grow, and files of the system report no size.
         parts, left = [], kind.limit + 1
         while left and (part := os.read(descriptor, min(left, _MIB))):
             parts.append(part)
@@ -433,7 +433,7 @@ def _read(named: Path, kind: FileKind) -> FileContent:
 
 
 def require_regular(path: str | Path) -> None:
-    """Check that a file that another library, such as SQLite, opens is a regular file.
+    """Check that a file is a regular file, before another library, such as SQLite, opens it.
 
     Raises:
         UnreadableFileError: If the file does not exist, is not a regular file, or cannot be read.
@@ -444,7 +444,7 @@ def require_regular(path: str | Path) -> None:
 
 @contextmanager
 def regular_file(path: str | Path) -> Iterator[int]:
-    """Keep a regular file open while another library opens it by its name; yield the descriptor for `open_by_name`.
+    """Keep a regular file open while another library opens it by its name. Yield the descriptor for `open_by_name`.
 
     Raises:
         UnreadableFileError: If the file does not exist, is not a regular file, or cannot be read.
@@ -459,15 +459,15 @@ _OF_ANOTHER_LIBRARY = FileKind("file", 0)
 def open_by_name(path: Path, descriptor: int, connect: Callable[[], _Closable]) -> _Closable:
     """Let a library that only accepts names open a file, and check that it opened the checked file.
 
-    SQLite replaces links by their targets, even links in `/proc/self/fd`, so that it cannot open a file by its descriptor. SQLite opens a
-    file when it connects, and only reads at the first statement. In between, this function examines the open files of the process. If the
-    system does not list them (`/dev/fd`), the name is looked up again instead, which does not detect a file that was replaced and
-    restored in the meantime.
+    SQLite cannot open a file by its descriptor, because it replaces links by their targets, even links in `/proc/self/fd`. It opens a file
+    when it connects, but does not read the file before the first statement. In between, this function examines the open files of the
+    process. If the system does not list them (`/dev/fd`), the function looks up the name again. It then cannot detect a file that was
+    replaced and restored in the meantime.
 
     Args:
         path: The path of the file.
         descriptor: The descriptor of the checked file.
-        connect: Opens the file by its name.
+        connect: A function that opens the file by its name.
 
     Raises:
         UnreadableFileError: If another file was opened.
@@ -476,7 +476,7 @@ def open_by_name(path: Path, descriptor: int, connect: Callable[[], _Closable]) 
     opened = connect()
     after = _open_files()
     with suppress(OSError):
-        # If no file is new, the library has reused a descriptor of this file.
+        # If no new file is open, the library uses an existing descriptor of this file.
         new = {each.identity for each in after - before} or {checked}
         is_same = checked in new if after else os.path.samestat(path.stat(), os.fstat(descriptor))
         if is_same:
@@ -502,14 +502,14 @@ def _open_files() -> set[_OpenFile]:
     found = set()
     with suppress(OSError):
         for name in os.listdir("/dev/fd"):  # noqa: PTH208 - the names are numbers
-            with suppress(OSError):  # the descriptor of the folder itself is closed by now
+            with suppress(OSError):  # the descriptor of `/dev/fd` itself is closed by now
                 found.add(_OpenFile(int(name), _identity(int(name))))
     return found
 
 
 @contextmanager
 def release_pipes(*paths: str | Path) -> Iterator[None]:
-    """Prevent pipes at the paths from blocking a library that opens them, by opening each pipe for writing for a moment."""
+    """Prevent pipes at the paths from blocking a library that opens them. Each pipe is repeatedly opened for writing."""
     is_open = threading.Event()
 
     def release() -> None:
@@ -530,7 +530,7 @@ def folder_entries(folder: Path) -> list[Path]:
     """Return the entries of a folder, sorted by name.
 
     Raises:
-        PathOutsideError: If the folder is outside the folders to which this process is confined.
+        PathOutsideError: If this process is confined to other folders.
         UnreadableFileError: If the path is not a folder, or cannot be read.
     """
     try:
@@ -578,7 +578,7 @@ def _read_once(stream: TextIO | None, limit: int) -> bytes:
 
 @contextmanager
 def _convert_system_errors(path: Path) -> Iterator[None]:
-    """Convert errors of the system to an `UnreadableFileError` about a file."""
+    """Convert system errors to an `UnreadableFileError` about a file."""
     try:
         yield
     except FileNotFoundError as error:
@@ -608,7 +608,7 @@ def _open(path: Path, limits: list[_Confinement]) -> tuple[int, Path]:
         try:
             handle = os.open(path, os.O_RDONLY | _NOT_BLOCKING | (_HANDLE_ONLY or 0))
         except OSError:
-            # For a file that must not be read, even its existence and type are not revealed.
+            # If the file must not be read, the error must not reveal whether the file exists, or its type.
             for each in limits:
                 _require_beneath(path, Path(os.path.realpath(path)), each)
             raise
@@ -649,7 +649,7 @@ def _location_by_handle(handle: int) -> Path | None:
 
 
 def _location_by_name(path: Path, handle: int) -> Path | None:
-    """Return the location of an open file on a system without `/proc`; None if the path now leads to another file."""
+    """Return the location of an open file on a system without `/proc`; None if the path leads to another file by now."""
     real = Path(os.path.realpath(path))
     try:
         about = _stat_without_links(real)
@@ -659,7 +659,7 @@ def _location_by_name(path: Path, handle: int) -> Path | None:
 
 
 def _stat_without_links(real: Path) -> os.stat_result:
-    """Return the status of a file by a path without links, because a part that is replaced by a link could lead to any file.
+    """Return the status of a file, given a path without links. A part that is replaced by a link is not followed.
 
     Raises:
         OSError: If a part of the path is a link, or missing.
@@ -684,7 +684,7 @@ def _require_beneath(path: Path, location: Path | None, limit: _Confinement) -> 
 
 
 def require_regular_mode(mode: int) -> None:
-    """Check by the mode of an open file that it is a regular file, for code that opens its own files for writing.
+    """Check that an open file is a regular file, given its mode. Code that opens files for writing calls this function itself.
 
     Raises:
         OSError: If the file is not a regular file.

@@ -1,4 +1,4 @@
-"""The parts of the package around its core, each of which a distribution may omit."""
+"""The optional parts of the package. A distribution may omit any of them."""
 
 import functools
 import importlib.util

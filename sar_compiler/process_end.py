@@ -1,7 +1,7 @@
-"""The end of this process, for every command, and for a program that ticks a tree with `sar_compiler.running_tree`.
+"""The end of the process of a command, or of a program that ticks a tree with `sar_compiler.running_tree`.
 
-The order is always the same: set an alarm, print the reason, cancel goals, flush buffers, exit the process. The alarm comes first, because
-other threads, exit functions or native code of ROS can block every later step. This module does not need ROS, and its import is fast.
+Other threads, exit functions or native code of ROS can block every step of the end: cancelling goals, flushing streams, shutting down ROS.
+Each step therefore has a time limit. This module does not need ROS, and loads quickly.
 """
 
 import atexit
@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, NoReturn
 if TYPE_CHECKING:
     import ctypes
 
-# The time limits for other threads to end, and for exit functions, seconds.
+# The time limits for the end of other threads and for exit functions, in seconds.
 _THREADS_SEC, _EXIT_FUNCTIONS_SEC = 3.0, 3.0
-# Time limit for flushing a stream, seconds.
+# The time limit for flushing a stream, in seconds.
 _FLUSH_SEC = 1.0
-# Time limit for shutting down ROS, seconds.
+# The time limit for shutting down ROS, in seconds.
 _SHUTDOWN_SEC = 3.0
-# The interval at which a process checks whether its parent has ended, seconds.
+# The interval at which a process checks whether its parent has ended, in seconds.
 _PARENT_SEC = 0.5
 _PARENT = "SAR_PARENT"
 _CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE, signal.SIGILL)
@@ -33,13 +33,13 @@ _CRASHES = (signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE, signal
 def end_process(status: int, shutdown: Callable[[], object] | None = None, name: str = "") -> NoReturn:
     """End this process after its work, with an exit status that no thread, exit function or crash can change.
 
-    A further signal ends the process at once. ROS is shut down gracefully, so that its participant disappears from the graph of other
-    processes at once, and its memory in `/dev/shm` is freed. Native code has crashed during this shutdown after servers had crashed, which
-    must not change the exit status.
+    A further signal ends the process immediately. ROS is shut down properly, so that other processes immediately remove its participant
+    from their graph, and its memory in `/dev/shm` is freed. Native code of ROS may crash during the shutdown if a server has crashed
+    before. Such a crash does not change the exit status.
 
     Args:
         status: The exit status.
-        shutdown: Shuts down ROS; None without ROS.
+        shutdown: A function that shuts down ROS; None without ROS.
         name: The name of the command, for the message about a thread that is still running.
     """
 
@@ -60,8 +60,8 @@ def end_process(status: int, shutdown: Callable[[], object] | None = None, name:
 def end_after_program(status: int, name: str) -> None:
     """Register a function that ends this process like `end_process` after the main thread has ended.
 
-    The interpreter would wait for other threads forever. It would also keep daemon threads running during its shutdown, in which a thread
-    that spins an executor sometimes crashes.
+    The interpreter would wait for other threads without a limit. It would also keep daemon threads running during its shutdown, and a
+    daemon thread that spins an executor sometimes crashes then.
 
     Args:
         status: The exit status.
@@ -79,12 +79,12 @@ def end_after_program(status: int, name: str) -> None:
 
 
 def dependent_environment() -> dict[str, str]:
-    """Return the environment variables for a command that must end when this process ends for any reason."""
+    """Return the environment variables for a command that must end together with this process, even if this process is killed."""
     return {**os.environ, _PARENT: str(os.getpid())}
 
 
 def end_with_parent() -> None:
-    """Let SIGTERM end this process when the parent process that started it with `dependent_environment` has ended."""
+    """Send SIGTERM to this process when its parent has ended, if the parent started it with `dependent_environment`."""
     parent = os.environ.pop(_PARENT, "")
     if not parent:
         return
@@ -98,7 +98,7 @@ def end_with_parent() -> None:
 
 
 def flush() -> None:
-    """Flush standard output and standard error, with a time limit, because a blocked thread may hold the lock of a stream."""
+    """Flush standard output and standard error. There is a time limit, because a blocked thread may hold the lock of a stream."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             call_with_limit(_FLUSH_SEC, stream.flush)
@@ -109,8 +109,8 @@ def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float)
 
     Args:
         status: The exit status if *cancel* returns None or takes too long.
-        cancel: Prints the reason and cancels goals; returns the exit status, or None for *status*.
-        limit_sec: The time limit for *cancel*, seconds.
+        cancel: A function that prints the reason, cancels goals and returns the exit status, or None for *status*.
+        limit_sec: The time limit for *cancel*, in seconds.
     """
     found: list[int | None] = []
     call_with_limit(limit_sec, lambda: found.append(cancel()))
@@ -119,7 +119,7 @@ def end_at_once(status: int, cancel: Callable[[], int | None], limit_sec: float)
 
 
 def call_with_limit(limit_sec: float, call: Callable[[], object]) -> None:
-    """Call a function in a separate thread, ignoring its exceptions, and wait until it returns or a time limit expires."""
+    """Call a function in a separate thread, and wait until it returns or a time limit expires. Its exceptions are ignored."""
 
     def call_safely() -> None:
         with suppress(Exception):
@@ -135,7 +135,7 @@ def call_with_limit(limit_sec: float, call: Callable[[], object]) -> None:
 
 
 def _await_threads(name: str) -> None:
-    """Wait until all non-daemon threads have ended or a time limit expires, and report the threads that are still running."""
+    """Wait until all non-daemon threads have ended or a time limit expires. Report the threads that are still running."""
     deadline = time.monotonic() + _THREADS_SEC
     if (pools := sys.modules.get("concurrent.futures.thread")) is not None:
         call_with_limit(_THREADS_SEC, pools._python_exit)  # noqa: SLF001 - idle threads of a pool end only on request
@@ -157,7 +157,7 @@ def _other_threads() -> Iterator[threading.Thread]:
 
 
 def is_program_file(file: str) -> bool:
-    """Return whether a source file is user code: not a part of Python's standard library, of rclpy or of this package."""
+    """Return whether a source file belongs to neither Python's standard library nor rclpy nor this package."""
     library = os.path.dirname(os.__file__) + os.sep  # noqa: PTH120 - importing pathlib is slow
     ours = os.path.dirname(__file__) + os.sep  # noqa: PTH120
     is_packaged = f"{os.sep}site-packages{os.sep}" in file
@@ -166,7 +166,7 @@ def is_program_file(file: str) -> bool:
 
 
 def thread_location(ident: int | None) -> str:
-    """Return the file, line and function of user code that a thread is executing; an empty string if there is none."""
+    """Return the file, line and function of the user's code that a thread is executing; empty if there is none."""
     import traceback
 
     frame = sys._current_frames().get(ident or 0)  # noqa: SLF001 - the only access to another thread's stack
@@ -182,7 +182,7 @@ def shut_down(status: int, shutdown: Callable[[], object]) -> None:
 
     libc = ctypes.CDLL(None)
     _flush(libc)
-    # Python's own handlers would only run after the crashing call has returned. This handler runs in the crashing thread.
+    # Python runs its handlers only after the crashing call has returned. The C handler runs immediately, in the crashing thread.
     handler = ctypes.CFUNCTYPE(None, ctypes.c_int)(lambda _: os._exit(status))
     for number in (*_CRASHES, signal.SIGALRM):
         libc.signal(number, handler)

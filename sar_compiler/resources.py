@@ -26,23 +26,23 @@ class ResourceError(SarError):
 
 
 def state_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder for the user's state; a relative `XDG_STATE_HOME` is ignored, as the XDG base directory specification requires."""
+    """Return the folder for the user's state. A relative `XDG_STATE_HOME` is ignored, as the XDG specification requires."""
     state = Path(environment.get("XDG_STATE_HOME", ""))
     return (state if state.is_absolute() else Path.home() / ".local" / "state") / "sar_compiler"
 
 
 def cache_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Return the folder of the cache, which can be deleted at any time."""
+    """Return the folder for the user's cache. The cache can be deleted at any time."""
     cache = Path(environment.get("XDG_CACHE_HOME", ""))
     return (cache if cache.is_absolute() else Path.home() / ".cache") / "sar_compiler"
 
 
 def shipped_root(package: Path = _PACKAGE) -> Path:
-    """Return the folder of the shipped `trees/`, `config/`, `maps/`, `worlds/` and so on.
+    """Return the folder that contains the shipped `trees/`, `config/`, `maps/`, `worlds/` and so on.
 
-    In a checkout (or an editable installation, or `colcon build --symlink-install`) this is the parent folder of the package. For an installed
-    package it is `share/sar_compiler` in the nearest folder above the package that contains it, such as the environment, the user's
-    `~/.local`, `/usr/local`, or the install folder of a workspace.
+    In a checkout (or an editable installation, or `colcon build --symlink-install`), this is the parent folder of the package. For an
+    installed package, it is the nearest `share/sar_compiler` in a folder above the package, such as the virtual environment, `~/.local`,
+    `/usr/local`, or the install folder of a workspace.
 
     Args:
         package: The folder of the package's modules.
@@ -64,7 +64,7 @@ def shared_file_path(kind: str, name: str) -> Path:
     """Return the path of a shipped file.
 
     Raises:
-        ResourceError: If the file does not exist; the message lists the existing files.
+        ResourceError: If the file does not exist. The message lists the existing files.
     """
     folder = shipped_root() / kind
     path = folder / name
@@ -83,8 +83,8 @@ def find(kind: str, name: str, suffix: str) -> Path:
         suffix: The suffix of shipped files, such as `.xml`.
 
     Returns:
-        The path of the shipped file if *name* has no folder and no suffix, is not an existing file, and names a shipped file;
-            otherwise the given path, even if it does not exist.
+        The path of the shipped file if *name* is its name and no file has the path *name*; otherwise the given path, even if
+            it does not exist.
     """
     path = Path(name)
     if not is_shipped_name(name) or is_file(path):
@@ -94,7 +94,7 @@ def find(kind: str, name: str, suffix: str) -> Path:
 
 
 def is_shipped_name(name: str) -> bool:
-    """Return whether a name has neither a folder nor a suffix, so that it may name a shipped file."""
+    """Return whether a name may be that of a shipped file: it has neither a folder nor a suffix."""
     path = Path(name)
     return path.name == name and not path.suffix
 
@@ -114,7 +114,7 @@ def require_tree_file(name: str | Path, *, or_folder: bool = False) -> None:
     """Check that a tree file exists, before the slow imports of the modules that read it.
 
     Raises:
-        UnreadableFileError: If *name* is a folder although *or_folder* is false, or clearly a path that does not exist.
+        UnreadableFileError: If *name* is a folder and *or_folder* is False, or if *name* is clearly a path that does not exist.
     """
     path = find("trees", str(name), ".xml")
     if name and not or_folder and is_folder(path):

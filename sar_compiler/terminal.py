@@ -16,9 +16,10 @@ _SGR = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cy
 
 
 def has_colours(stream: TextIO) -> bool:
-    """Return whether to colour the output to a stream: on a terminal, unless the environment disables it.
+    """Return whether to colour the output to a stream.
 
-    `NO_COLOR` (not empty), `CLICOLOR=0` and `TERM=dumb` disable colours; `CLICOLOR_FORCE` (not 0) enables them, in files as well.
+    `NO_COLOR` (not empty) disables colours, and `CLICOLOR_FORCE` (not 0) enables them for all streams. Otherwise, output to a terminal
+    is coloured unless `CLICOLOR=0` or `TERM=dumb` is set.
     """
     environment = os.environ
     if environment.get("NO_COLOR"):
@@ -30,7 +31,7 @@ def has_colours(stream: TextIO) -> bool:
 
 
 def draws_in_place(stream: TextIO | None) -> bool:
-    """Return whether output to a stream can be overwritten: on any terminal except a `dumb` terminal.
+    """Return whether output to a stream can be overwritten. It can on any terminal except a `dumb` one.
 
     Programs that pass on a process's output, such as launch, use a `dumb` terminal.
     """
@@ -59,7 +60,7 @@ def findings_as_text(findings: "Iterable[Diagnostic]", stream: TextIO) -> str:
 
 
 class ProgressLine:
-    """A progress line on standard error, which is updated in place on a terminal and not shown elsewhere, such as in a log.
+    """A progress line on standard error. It is updated in place, and shown only on a terminal.
 
     For work of less than a second, no line is shown.
     """
@@ -73,7 +74,7 @@ class ProgressLine:
         self._is_shown = False
 
     def show(self, text: Callable[[], str]) -> None:
-        """Show a text if an update is due; *text* is only called if it is."""
+        """Call *text* and show the result if an update is due. Otherwise, do nothing."""
         now = time.monotonic()
         if now < self._due or not self.is_possible:
             return
@@ -89,11 +90,11 @@ class ProgressLine:
 
 
 class RunOutput:
-    """The output of a run for people; the run continues even if the program that reads the output ends (`| head`).
+    """The output of a run for people. The run continues even if the program that reads the output ends (`| head`).
 
     Attributes:
         lost: Whether standard output is closed.
-        leave: Called before output that must appear below a drawing in place.
+        leave: Called before output that must appear below a drawing that is updated in place.
     """
 
     def __init__(self) -> None:
@@ -131,7 +132,7 @@ class RunOutput:
 
 
 def _write(text: str) -> None:
-    """Write a text immediately and in one piece; characters that the encoding cannot represent become question marks."""
+    """Write a text immediately and in one piece. Characters that the encoding cannot represent become question marks."""
     stream = sys.stdout.buffer
     sys.stdout.flush()
     stream.write(text.encode(sys.stdout.encoding, "replace"))

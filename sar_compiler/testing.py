@@ -80,7 +80,7 @@ def assert_matches_golden(
         nodes: Your own leaves: classes, modules, or import paths of modules.
 
     Raises:
-        AssertionError: If the tree differs from the committed file, with the difference, or if the committed file does not exist.
+        AssertionError: If the committed file does not exist, or the tree differs from it. The message contains the difference.
     """
     result = compile_for_test(tree, tree_id, registry, nodes)
     as_json = Path(golden).suffix == ".json"
@@ -131,7 +131,7 @@ def assert_scenario_holds(
         nodes: Your own leaves: classes, modules, or import paths of modules.
 
     Raises:
-        AssertionError: If an expectation is not met, with the trace.
+        AssertionError: If an expectation is not met. The message contains the trace.
         TreeError: If the tree or the scenario is invalid.
     """
     play_scenario(load(tree, nodes=nodes, registry=registry), scenario)

@@ -1,4 +1,4 @@
-"""Atomic writing of files: at any time, the old or the new file exists completely."""
+"""Atomic writing of files: at any time, either the complete old file or the complete new file exists."""
 
 import errno
 import os
@@ -26,10 +26,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file atomically, and preserve its permissions; a link remains a link.
+    """Write a file atomically, and preserve its permissions. If the path is a link, its target is written.
 
     Raises:
-        WriteError: If the file cannot be written; it is then unchanged.
+        WriteError: If the file cannot be written. The file is then unchanged.
     """
     target = real_path(path)
     try:

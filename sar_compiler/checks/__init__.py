@@ -1,8 +1,7 @@
 """The checks of tree files.
 
-A rule is a function that takes a `CheckContext`, which is a forest with the results of its analysis, and yields
-findings. Each module in
-`rules` contains one family of rules, whose names begin with `check_`.
+A rule is a function whose name begins with `check_`. It receives a `CheckContext` (the tree files and the results of
+their analysis), and yields findings. Each module in `rules` contains one family of rules.
 """
 
 import bisect
@@ -49,7 +48,7 @@ def check_meaning(context: CheckContext) -> Iterable[Diagnostic]:
 
 
 def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
-    """Yield findings about the classes of the leaves in the trees; skip leaves declared by an import path."""
+    """Yield findings about the classes of the leaves in the trees. Leaves declared by an import path are skipped."""
     specs = {
         spec.class_path: spec
         for spec in context.bound_forest.specs
@@ -65,7 +64,7 @@ def check_leaf_classes(context: CheckContext) -> Iterator[Diagnostic]:
 MOST = 1000
 """The maximum number of findings of one kind that a check reports.
 
-Fix these findings and check again to see the others.
+After the user has fixed them, the next check reports further findings.
 """
 
 _FAMILIES = (single_nodes, interruptions, needless, order, keys, scripts, subtrees, version_differences)
@@ -78,7 +77,7 @@ RULES: tuple[Callable[[CheckContext], Iterable[Diagnostic]], ...] = (
 
 
 def check_palettes(palettes: Palettes, registry: Registry) -> list[Diagnostic]:
-    """Return the findings about palettes. These findings do not depend on the checked tree file."""
+    """Return the findings about palettes, which do not depend on the checked tree file."""
     collector, palettes = FindingCollector(), tuple(palettes)
     models = read_models(palettes, collector)
     compare_models(models, registry_without(registry, models), collector)
@@ -160,8 +159,8 @@ def check_context(context: CheckContext) -> list[Diagnostic]:
         found = list(_guard(rule.__name__, functools.partial(rule, context), forest, findings))
         is_all = is_all and sum(each.severity is Severity.ERROR for each in found) < MOST
         findings += found
-    # The rules' messages are better, so the schema is used only for elements about which no rule has a finding. After
-    # a thousand errors of one rule, it is not used at all.
+    # The rules' messages are better, so the schema is used only for elements about which no rule has a finding. If one rule
+    # has found a thousand errors, the schema is not used at all.
     if is_all:
         findings += _schema_findings(context, findings)
     files = (*reversed(forest.files), *forest.others)
@@ -189,7 +188,7 @@ def _apply_suppressions(forest: Forest, findings: list[Diagnostic]) -> list[Diag
 
 
 def limit_findings(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """Return at most `MOST` findings of each kind, with a note about the number of findings left out."""
+    """Return at most `MOST` findings of each kind, and a note about the number of omitted findings."""
     findings = list(findings)
     counts = Counter(finding.code for finding in findings)
     if max(counts.values(), default=0) <= MOST:
@@ -223,8 +222,8 @@ def failure_of_rule(
     Args:
         name: The rule's name.
         error: The error that it raised.
-        default: The element to report when the error does not show which element the rule was checking.
-        found: The findings so far. An error that another rule has already raised is not reported again.
+        default: The element to report if the error does not show which element the rule was checking.
+        found: The findings so far. If another rule has raised the same error, it is not reported again.
 
     Raises:
         Exception: The error itself, if commands have a message for it.
@@ -282,7 +281,7 @@ def _calls(error: Exception) -> list[FrameType]:
     return [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
 
 
-# Findings that are reported for the part of a file before a malformed location. The rest of the file cannot change
+# The kinds of findings that are reported for the part of a file before a syntax error. The rest of the file cannot refute
 # them, because they concern start tags and complete elements.
 _OF_A_START_TAG = frozenset(
     {

@@ -17,7 +17,7 @@ from sar_compiler.tree.model import TreeFile
 _WARNINGS = ("btcpp-version", "cpp-type-mismatch", "ignored-attribute")
 """The warnings about constructs that BehaviorTree.CPP refuses."""
 _MODELLED = ("unknown-node",)
-"""The errors that cannot occur in the converted file, because that file contains a model of each node."""
+"""The errors that do not apply to the converted file, because it contains a model of each node."""
 
 
 def convert_to_btcpp(

@@ -39,7 +39,7 @@ _SHARED_TABLE = ("tool", "sar")
 _NODES, _MODELS, _INCLUDE_PATH = "nodes", "models", "include-path"
 _PROJECT, _TREES = "project", "trees"
 _OFF = "off"
-# A `pyproject.toml` without this word has no table `[tool.sar]` and is not parsed.
+# A `pyproject.toml` without this word is not parsed, because it has no table `[tool.sar]`.
 _OWN_WORD = re.compile(rb"(?<![\w-])sar(?![\w-])")
 
 
@@ -122,11 +122,11 @@ def find_repository(folder: Path) -> Path | None:
 
 
 def enclosing_folder(folder: Path) -> Path:
-    """Return the folder that paths written in a folder's files must not leave.
+    """Return the folder to which the paths in a folder's files are restricted.
 
-    This folder is the repository or, outside of a repository, the folder of the files.
+    This is the repository or, outside of a repository, the folder itself.
 
-    Paths in this package's own files may lead to any file of the package.
+    For a folder of this package, it is the folder of all its shipped files.
     """
     own = real_path(folder)
     if (repository := find_repository(own)) is not None:
@@ -135,11 +135,11 @@ def enclosing_folder(folder: Path) -> Path:
 
 
 def project_paths(folders: Iterable[Path]) -> list[Path]:
-    """Return the resolved paths that belong to the folders' projects but lie outside these folders.
+    """Return the resolved paths outside of folders that belong to the projects of these folders.
 
-    The result contains the paths of all possible configuration files above the folders, even of missing files. If the
-    configuration of a folder is above the folder, the result also contains the palettes, include folders and tree
-    files of this configuration.
+    These are the paths of all possible configuration files above the folders, including those of missing files. If the
+    configuration of a folder is above the folder, the palettes, include folders and tree files in the configuration are
+    added.
 
     Args:
         folders: The folders, with links resolved.
@@ -156,14 +156,14 @@ def project_paths(folders: Iterable[Path]) -> list[Path]:
 
 
 def _folder_of(folder: Path, pattern: str) -> Path:
-    """Return the part of a glob pattern before its first wildcard, which is the folder of all matches."""
+    """Return the folder of all matches of a glob pattern, which is the part before the first wildcard."""
     import glob
 
     return folder.joinpath(*itertools.takewhile(lambda part: not glob.has_magic(part), Path(pattern).parts))
 
 
 def _has_trusted_owner(configuration: Path, tree_file: Path) -> bool:
-    """Return whether the user, root, or the owner of the tree file owns a configuration file."""
+    """Return whether a configuration file belongs to the user, to root, or to the owner of the tree file."""
     if sys.platform == "win32":
         return True
     # A missing tree file is reported when it is read.
@@ -234,18 +234,18 @@ def _paths(
 def path_inside(
     document: "Document", folder: Path, value: "Value", name: str, otherwise: str = ""
 ) -> Path | None:
-    """Resolve a path relative to its file's folder; if it leaves the repository, report it and return None.
+    """Resolve a path relative to its file's folder. If the path leaves the repository, report it and return None.
 
     Args:
         document: The file that contains the path.
-        folder: The folder of this file. The path must not leave this folder if it is in no repository.
+        folder: The folder of this file. If it is in no repository, the path must not leave the folder.
         value: The path.
-        name: The key whose value the path is.
+        name: The key that contains the path, for the message.
         otherwise: Another remedy, which is added to the hint.
     """
-    # The folder from which the file was read; a link may have replaced it since.
+    # The folder from which the file was read. A link may have replaced it by now.
     text, limit = str(value.data), enclosing_folder(document.folder or folder)
-    # Links are resolved; a loop of links is reported when the path is read.
+    # Links are resolved. A loop of links is reported when the path is read.
     if "\0" not in text and real_path(folder / text).is_relative_to(limit):
         # The limit is checked again when the file is opened, because a link may change until then.
         return NamedPath.confined_to(folder / text, (limit,))

@@ -1,4 +1,4 @@
-"""The checks of a file's root element, of its tree IDs, and of the choice of its main tree."""
+"""The checks of a file's root element, of its tree IDs and of its main tree."""
 
 from collections.abc import Iterator
 
@@ -52,7 +52,7 @@ def check_document(context: CheckContext) -> Iterator[Diagnostic]:
 
 
 def _is_palette(forest: Forest) -> bool:
-    """Return whether a file contains no tree and only describes nodes, for `--model` and for editors."""
+    """Return whether a file is a palette: it contains no tree and only describes nodes."""
     root = forest.main.root
     describes = any(child.tag == MODEL_TAG for child in root.children)
     names_tree = "main_tree_to_execute" in root.attributes

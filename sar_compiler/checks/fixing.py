@@ -1,7 +1,7 @@
 """Fixes of findings, and the application of these fixes to a text.
 
-A finding's suggestion is a guess that the user normally reviews. A suggestion is applied without asking only if the
-text cannot plausibly have another meaning. `SAFE` decides which suggestions are safe in this sense.
+A finding's suggestion is a guess that the user normally reviews. A suggestion is safe, and is applied without asking, only
+if the text cannot plausibly have another meaning. The functions in `SAFE` decide which suggestions are safe.
 """
 
 import bisect
@@ -58,7 +58,7 @@ def _is_safe_value(written: str, suggestion: str) -> bool:
 
 
 def _is_safe_script(written: str, _suggestion: str) -> bool:
-    """Return whether the replaced text is not an operator of another language, or is an unambiguous one."""
+    """Return whether the replaced text is not an ambiguous operator of another language."""
     return written not in _AMBIGUOUS_OPERATORS
 
 
@@ -73,7 +73,7 @@ def _is_deletion(_written: str, suggestion: str) -> bool:
 
 
 def _accept_any(_written: str, _suggestion: str) -> bool:
-    """Return True, because escaping a character is always safe: the character cannot mean anything else."""
+    """Return True. Escaping a character is always safe."""
     return True
 
 
@@ -139,13 +139,13 @@ def is_safe(finding: Diagnostic) -> bool:
 def fixes(
     source: Source, tree_file: TreeFile | None, findings: Iterable[Diagnostic], is_meant: IsMeant = is_safe
 ) -> list[Fix]:
-    """Return the fixes for a file, ordered by position and without overlaps.
+    """Return the fixes for a file, ordered by position. They do not overlap.
 
     Args:
         source: The file.
         tree_file: The parsed file; None if it could not be parsed.
         findings: The findings; those about other files are ignored.
-        is_meant: Decides whether to apply a suggestion; by default, only safe suggestions are applied.
+        is_meant: A function that decides whether to apply a suggestion; by default, only safe suggestions are applied.
     """
     found: list[Fix] = []
     for fix in each_fix(source, tree_file, findings, is_meant):

@@ -34,7 +34,7 @@ def compare_golden(path: Path, text: str, what: str) -> str | None:
     expected = read_file(path, RECORDED_OUTPUT).data.decode("utf-8", "replace")
     if text == expected:
         return None
-    # A comparison takes time proportional to the product of both lengths, and only a person reads the differences.
+    # The time of a comparison is proportional to the product of both lengths, and people do not read long differences.
     old, new = (each.splitlines()[:_MOST_COMPARED] for each in (expected, text))
     lines = [*difflib.unified_diff(old, new, f"{path} (committed)", what, lineterm="")]
     if not lines or len(lines) > _MOST_SHOWN:

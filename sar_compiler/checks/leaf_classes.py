@@ -87,7 +87,7 @@ def check_class(spec: NodeSpec) -> Iterator[Diagnostic]:
     """Yield the findings about a node's class.
 
     Args:
-        spec: The node. There are no findings if the node has no class, or was declared by the import path of its class.
+        spec: The node. If it has no class, or is declared by the import path of its class, there are no findings.
     """
     if spec.is_foreign or spec.is_by_path or spec.class_path.startswith(_LIBRARIES) or spec.cls is None:
         return

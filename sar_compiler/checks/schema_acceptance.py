@@ -1,9 +1,9 @@
 """Fast recognition of files that the XML schema is certain to accept.
 
-Building the schema and importing lxml takes longer than applying all rules, and the schema accepts nearly every file
-without other findings. This module therefore applies the definitions of `nodes.schemas.xml_schema` directly to the
-elements of a file. It does not decide about files with unusual content: namespaces, text between elements, models, or
-special characters. lxml validates these files.
+Building the schema and importing lxml takes longer than applying all rules. If the rules have no findings, the schema
+accepts nearly every file. This module therefore applies the definitions of `nodes.schemas.xml_schema` directly to the
+elements of a file. lxml validates only files with unusual content: namespaces, text between elements, models, or special
+characters.
 """
 
 import re
@@ -28,7 +28,7 @@ from sar_compiler.tree.model import (
 )
 
 _LONGEST = 1_000_000
-"""The maximum number of characters in a file that is checked here. This number is far below the limits of libxml2."""
+"""The maximum number of characters in a file that this module checks. It is far below the limits of libxml2."""
 _SPACE = " \t\r\n"
 _ROOT_ATTRIBUTES = ("BTCPP_format", "main_tree_to_execute", PROJECT_ATTRIBUTE)
 
@@ -56,7 +56,7 @@ class _Values(NamedTuple):
     def accept(self, text: str) -> bool:
         """Return whether a string is allowed.
 
-        If there is a pattern, no string with non-ASCII characters is.
+        If there is a pattern, strings with non-ASCII characters are never allowed.
         """
         if self.is_key and _is_key(text.strip(" ")):
             return True

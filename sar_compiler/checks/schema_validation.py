@@ -1,7 +1,7 @@
 """Validation against the XML schema that is generated from the registry for editors and other tools.
 
-The rules report the same errors with better messages, columns and suggestions. Therefore the schema's errors are used
-only for elements about which the rules found nothing.
+The rules report the same errors with better messages, columns and suggestions. Therefore, the schema's errors are used
+only for elements about which no rule has a finding.
 """
 
 import bisect
@@ -29,13 +29,13 @@ _DECLARATION = re.compile(r"^<\?xml\s[^>]*\?>")
 _IGNORED = re.compile(
     rf"Element '({ROOT_TAG}|{INCLUDE_TAG}|{TREE_TAG})', attribute '.*': The attribute '.*' is not allowed"
 )
-"""libxml2's message about attributes that BehaviorTree.CPP ignores; the rules report them."""
+"""libxml2's message about attributes that BehaviorTree.CPP ignores. The rules report these attributes."""
 _SUFFICIENT = ("unknown-element", "wrong-format", "unknown-attribute", "ignored-attribute")
 """The kinds of findings that replace the schema's error about the same element, even as warnings."""
 
 
 _MOST_SCHEMAS = 32
-"""The maximum number of schemas that are cached for each registry; files with the same tags share a schema."""
+"""The maximum number of schemas that are cached for each registry. Files with the same tags share a schema."""
 _schemas: "WeakKeyDictionary[Registry, dict[tuple[frozenset[str], ...], etree.XMLSchema]]" = (
     WeakKeyDictionary()
 )
@@ -64,8 +64,8 @@ def schema_errors(
 ) -> list[tuple[int, str]]:
     """Return lxml's errors about a file as pairs of line number and message.
 
-    Each line number is the line in which a start tag ends. libxml2 reports no columns, and after an unexpected element
-    it does not check the element's siblings.
+    Each line number is that of the line in which a start tag ends. libxml2 reports no columns, and does not check the
+    siblings that follow an unexpected element.
 
     Args:
         tree_file: The file.
@@ -90,7 +90,6 @@ def _schema_errors_in(text: str, schema: etree.XMLSchema) -> list[tuple[int, str
         return [(error.lineno or 1, f"{_MALFORMED}{error.msg}")]
     if schema.validate(document):
         return []
-    # The log grows over the life of the schema object; keep only the errors of the last validation.
     return [(error.line, error.message) for error in schema.error_log.filter_from_errors()]
 
 

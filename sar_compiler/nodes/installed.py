@@ -1,13 +1,12 @@
 """Discovery of installed Python modules. Modules in the folder of a tree file are not installed.
 
-A checkout and the current folder contain only data for this module, because a check of other people's trees must not
-run their code. However, `sys.path` may contain these folders, through an empty part of `PYTHONPATH` or `python -m`, and
-the folders may contain packages, and files that look like the metadata of installed distributions. This module
-therefore always excludes these folders.
+A check of other people's trees must not run their code. The checkout and the current folder are therefore excluded, even
+if `sys.path` contains them (through an empty part of `PYTHONPATH`, or `python -m`). Otherwise, packages in these folders
+could be imported, and their files could imitate the metadata of installed distributions.
 
-The folders of the interpreter (a virtual environment may be in the checkout), the folder of this package, and the
-sourced ROS workspaces are included. The metadata of a distribution that was installed with `pip install -e` names the
-folder of its modules. The user trusts that folder by installing the distribution.
+The folders of the interpreter, the folder of this package, and the sourced ROS workspaces are included. A virtual
+environment in the checkout is therefore included as well. So is the folder of a distribution that was installed with
+`pip install -e`, because the user trusts the folder by installing the distribution.
 """
 
 import functools
@@ -63,7 +62,7 @@ def entry_points(group: str, checkout: Path | None = None) -> list[EntryPoint]:
 
 
 def ignored_entry_points(group: str, checkout: Path | None = None) -> list[tuple[EntryPoint, str]]:
-    """Return the entry points that are found only in the checkout or current folder, with this folder."""
+    """Return the entry points that exist only in the checkout or in the current folder, each with this folder."""
     installed = _installed_folders(checkout)
     found = [
         (entry_point, entry or os.curdir)
@@ -100,7 +99,7 @@ def allow_current_folder() -> None:
 def has_entry_point(module: str, group: str, checkout: Path | None = None) -> bool:
     """Check, without importing a module, whether its installed package has an entry point of a group.
 
-    Other modules are not meant to be imported at the request of a file. Importing them could run any code.
+    A file may request the import only of modules with an entry point. Importing any other module could run any code.
 
     Args:
         module: The module's import path.
@@ -131,7 +130,7 @@ def _is_parent_package(package: str, modules: Iterable[str]) -> bool:
 def _is_checkout_a_package(top: Path, rest: list[str], checkout: Path) -> bool:
     """Return whether a module is in a checkout that is below a folder of `sys.path`.
 
-    This is so, for example, if that folder contains several checkouts: Python treats each checkout as a package.
+    For example, that folder may contain several checkouts. Python then treats each checkout as a package.
     """
     folder = top.parent.resolve()
     return (folder / top.name).joinpath(*rest).is_relative_to(checkout) and not folder.is_relative_to(
@@ -152,7 +151,7 @@ def import_installed(module: str, checkout: Path | None = None) -> ModuleType:
 def _entry_points(group: str, path: Iterable[str]) -> dict[tuple[str, str], EntryPoint]:
     """Return the entry points of a group by distribution and name.
 
-    If several distributions are equal, the first is used.
+    If a distribution is found in several folders, the first is used.
     """
     found: dict[tuple[str, str], EntryPoint] = {}
     seen: set[str] = set()

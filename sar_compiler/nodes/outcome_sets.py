@@ -6,7 +6,7 @@ is True, it returns only the results that certainly occur in some run. This assu
 its set in some run, independently of its siblings. The set of a child without a certain result is then empty.
 
 If a result depends on a key, or on a script with variables, the tick may have any result. All these results are
-regarded as certain, because the author expects all of them. A constant has a single result.
+regarded as certain, because the tree's author presumably expects each of them. A constant has a single result.
 """
 
 import math

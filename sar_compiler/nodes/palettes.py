@@ -2,7 +2,7 @@
 
 An entry point of the group `sar_compiler.palettes` names a module with `VERSIONS`, the known versions, and
 `specs(version)`, which returns the node specs of a version. As with modules of leaves, only installed modules are
-imported, and no file can choose them.
+imported. A file cannot name the module of a palette.
 """
 
 import functools

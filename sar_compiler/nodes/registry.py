@@ -65,7 +65,7 @@ class Registry:
     def tags_like(self, tags: Iterable[str]) -> list[str]:
         """Return the tags to suggest for a file that uses *tags*.
 
-        Tags of installed modules that the file does not use are left out.
+        The tags of an installed module are left out unless the file uses one of them.
         """
         used = {self._installed.get(tag) for tag in tags}
         return [tag for tag in self._specs if tag not in self._installed or self._installed[tag] in used]
@@ -140,7 +140,7 @@ class Registry:
         return next((spec.tag for spec in self.specs() if former_tag in spec.former_tags), None)
 
     def nearest(self, tag: str) -> str | None:
-        """Return the tag that was probably meant by an unknown tag, or None."""
+        """Return the tag that was probably meant by an unknown tag; None without a similar tag."""
         return nearest(tag, self._specs)
 
 

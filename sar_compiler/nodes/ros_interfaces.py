@@ -326,9 +326,9 @@ class MessageFiller:
         return message
 
     def _known_value(self, value: FieldValue) -> FieldValue | None:
-        """Return a known value.
+        """Return a value, with a reference to a key replaced by the value of the key.
 
-        For a reference to a key, return the value of the key, or None if keys are not read.
+        Return None for a reference if keys are not read.
         """
         if not isinstance(value, KeyReference):
             return value

@@ -126,12 +126,12 @@ class Semantics(NamedTuple):
         once: Whether the child is executed only once in the whole run.
         limit_sec: A function that returns the child's time limit in seconds (`math.inf`: no limit); None without a limit.
         wait_sec: A function that returns the time, in seconds, until a leaf ends or a decorator starts its child, if known.
-        resumes: Whether the node continues at its former child after a restart, or waits for other nodes.
+        resumes: Whether the node continues at its former position after a restart, or waits for other nodes.
         with_memory: The tag of the node's non-reactive counterpart, which ticks only the child that was running.
         keys: For each port, the access to the port's key, if this access differs from the port's direction.
         copies: The port that contains the source key if the node copies a value with its type from one key to another;
             empty if the node copies nothing.
-        counts: The ports whose values are numbers of children; negative numbers are counted from the end.
+        counts: The ports whose values are numbers of children. Negative numbers count down: -1 means all children.
         counterpart: The node's counterpart in BehaviorTree.CPP.
     """
 

@@ -474,7 +474,7 @@ class NodeSpec:
 
     @property
     def misreads_skips(self) -> bool:
-        """Whether the node treats a skipped child as an interruption and this project does not replace it."""
+        """Whether the node treats a skipped child as an interruption, and has no replacement in this project."""
         if self.kind.is_leaf or self.is_only_described:
             return False
         if self.is_by_path:
@@ -520,9 +520,9 @@ class NodeSpec:
 
     @property
     def has_world_leaf(self) -> bool:
-        """Whether a leaf stands for the world that the node queries.
+        """Whether the node queries the state of the world.
 
-        Such a leaf is used in runs without a robot.
+        In runs without a robot, the outcomes of a leaf represent this state.
         """
         return not self.kind.is_leaf and bool(self.outcomes)
 
@@ -532,7 +532,7 @@ class NodeSpec:
         return self.signature.fixed
 
     def fixed_value_names(self, parameter: Parameter) -> list[str]:
-        """Return the texts that stand for the value that the tag implies for a parameter."""
+        """Return the texts that equal the value of a parameter that the tag implies."""
         kind, value = parameter.value_type, self.implied_values[parameter.name]
         return [text for text in kind.choices if kind.convert(text) == value]
 

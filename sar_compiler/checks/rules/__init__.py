@@ -54,7 +54,7 @@ class CheckContext:
     def is_whole(self) -> bool:
         """Whether all trees are known.
 
-        This is the case if each include was read, and no element looks like a misspelt tree.
+        This requires that each include was read, and that no element looks like a misspelt tree.
         """
         roots = (tree_file.root for tree_file in self.forest.files)
         return (
@@ -83,9 +83,9 @@ class CheckContext:
         ]
 
     def nodes_with(self, find: Callable[[NodeSpec], _OfSpec]) -> Iterator[tuple[BoundNode, _OfSpec]]:
-        """Call `find` with each node's spec; yield the nodes for which it returns a result, with the result.
+        """Call *find* with the spec of each tag. Yield each node whose spec has a result, with this result.
 
-        Most files have no such node. The trees of these files are not traversed.
+        The trees are not traversed if no spec has a result, as in most files.
         """
         found = {id(spec): each for spec in self.bound_forest.specs if (each := find(spec))}
         for bound in (bound for tree in self.trees for bound in tree.nodes if found):
@@ -93,9 +93,9 @@ class CheckContext:
                 yield bound, found[id(bound.spec)]
 
     def is_main(self, tree: BoundTree) -> bool:
-        """Return whether a tree may be executed, because it is the main tree or no other tree uses it.
+        """Return whether a tree may be executed: it is the main tree, or no other tree uses it.
 
-        If the file names no main tree, a use in another file of the project counts as well.
+        If the file names no main tree, uses in other files of the project are considered as well.
         """
         return id(tree.element) in self._executable
 
@@ -115,7 +115,7 @@ class CheckContext:
 
     @functools.cached_property
     def is_foreign(self) -> bool:
-        """Whether any node is known only from a model. If one is, the trees are executed by another program."""
+        """Whether any node is known only from a model. Another program then executes the trees."""
         return any(bound.spec.is_foreign for tree in self.trees for bound in tree.demanding)
 
     @functools.cached_property
@@ -171,7 +171,7 @@ class CheckContext:
             index = bisect.bisect_right(of_file, finding.span[:2], key=attrgetter("element.position"))
             if index:
                 yield of_file[index - 1]
-        # If a child could not be bound, the positions of the bound children differ from those in the file.
+        # If a child could not be bound, the indices of the bound children differ from those in the file.
         for tree in self.bound_forest.trees:
             yield from (each for each in tree.parents if len(each.children) != len(each.element.children))
 

@@ -1,6 +1,6 @@
 """The accesses of nodes to blackboard keys and entries, and the order of these accesses, with all subtrees expanded.
 
-Whether one access precedes another in every run is decided only from the positions of the two nodes.
+Only the positions of two nodes decide whether an access of one node precedes an access of the other in every run.
 """
 
 import bisect
@@ -41,7 +41,7 @@ class KeyAccess(NamedTuple):
         time: Whether the access happens before or after the children are ticked.
         place: The start and end of the key in a script; None if the key is not in a script.
         is_certain: Whether the access happens whenever the node is ticked.
-        turn: The index of the access, from 0, in the order in which the script executes its accesses.
+        turn: The index of the access among the accesses of its script, from 0, in the order of execution.
     """
 
     bound: BoundNode
@@ -122,7 +122,7 @@ def _node_accesses(bound: BoundNode) -> Iterator[KeyAccess]:
         parameter = bound.spec.parameters.get(name)
         if parameter is not None:
             role = _role(bound, parameter)
-            # A key that holds the name of another key is only read.
+            # A key that contains the name of another key is only read.
             kind = AccessKind.READ if role.indirect else role.kind
             yield from _accesses(
                 bound, name, [entry_of(key) if parameter.value_type.names_key else key], kind
@@ -193,9 +193,9 @@ def is_root_key(key: str) -> bool:
 # Findings such as "this key is read before it is written" depend on one question: has access A certainly happened
 # when access B happens for the first time? Exploring all runs, as `verify` does, would answer it exactly. `validate`
 # cannot do that: it must respond while the user types, for trees with thousands of nodes and leaves of which only the
-# ports are known. So the answer is derived from the positions of the two nodes alone, and errs on one side: True only
-# if it holds in every run, whatever the leaves return. A wrong True is a finding about a correct tree, while a wrong
-# False only misses one.
+# ports are known. The answer is therefore derived from the positions of the two nodes alone, and errs on one side: it is
+# True only if it holds in every run, whatever the leaves return. A wrong True causes a finding about a correct tree,
+# while a wrong False only misses a finding.
 #
 # "For the first time" makes memory irrelevant: up to the tick in which B first happens, a control with memory and a
 # reactive one have taken the same path to it. The answer depends on which children must have ended before the child
@@ -204,10 +204,10 @@ def is_root_key(key: str) -> bool:
 #   Sequence     A later child starts only after the earlier ones have succeeded. Everything that is certain to happen in a
 #                child that succeeds has happened.
 #   Selector     A later child starts after the earlier ones have *failed*, at any of their children. Only the access with
-#                which every tick of the first child begins is certain (`_is_first` and `is_first`): the path down to A must
-#                be the first child of the first child.
-#   Parallel     All children are ticked in the same tick, in order, without waiting for the end of the previous one. Again
-#                only the beginning of the first child is certain.
+#                which every tick of the first child begins is certain (`_is_first` and `is_first`): each node on the path
+#                down to A must be a first child.
+#   Parallel     All children are ticked in the same tick, in order, without waiting for the end of the previous one. As in
+#                a selector, only the beginning of the first child is certain.
 #   others       (IfThenElse, switches, a user's class) Nothing is certain about one child when another one is reached.
 #
 # There may be further nodes between A and the node in which the paths to A and B part. Each of them must not advance
@@ -222,9 +222,9 @@ def is_root_key(key: str) -> bool:
 #
 # The second difficulty is size. An entry may have as many uses as the tree has nodes (a flag that every branch
 # reads), and comparing all pairs takes quadratic time. Nodes are therefore numbered parents first, so that the
-# inside of a node is an interval from `number` to `last`, and uses are sorted by these numbers. `is_each_preceded` climbs
-# from A to the root once. At each node it finds by bisection whether any use is left of the path (then it may come
-# first), or right of it (then this node must keep the order).
+# descendants of a node form an interval from `number` to `last`, and uses are sorted by these numbers. `is_each_preceded`
+# climbs from A to the root once. At each node it finds by bisection whether any use is left of the path (then that use
+# may come first), or right of it (then this node must keep the order).
 #
 # All subtrees are expanded first: one element of the file has a position for each use of its tree, and a key belongs
 # to the scope to which its remapping leads. A comparison of elements would mix the instances.
@@ -320,7 +320,7 @@ class OrderedAccesses:
     """Accesses ordered by the positions of their nodes, for queries about parts of the tree.
 
     Attributes:
-        uses: The accesses in this order.
+        uses: The accesses, ordered by position.
     """
 
     def __init__(self, uses: Sequence[EntryAccess]) -> None:
@@ -522,7 +522,7 @@ def _entry(entries: dict[tuple[Scope, str], EntryAccesses], scope: Scope, key: s
 
 
 def argument_of(use: EntryAccess, entry: EntryAccesses) -> tuple[BoundNode, str] | None:
-    """Return the outermost `SubTree` that passes an entry to the accessing tree, and its passing attribute.
+    """Return the outermost `SubTree` that passes an entry to the accessing tree, and the attribute that passes it.
 
     The result is None if the access is in the tree to which the entry belongs, or if no attribute passes the entry.
     """
@@ -544,7 +544,7 @@ def common_position(first: TreePosition, second: TreePosition) -> TreePosition:
 
 
 def branching_position(first: EntryAccess, second: EntryAccess) -> TreePosition | None:
-    """Return the innermost position that contains two accesses in different children.
+    """Return the innermost position that contains two accesses, each in a different child.
 
     The result is None if one access is at or below the node of the other access.
     """
@@ -628,9 +628,9 @@ def _is_first(place: TreePosition, around: TreePosition) -> bool:
 
 
 def nodes_between(first: EntryAccess, second: EntryAccess) -> Sequence[BoundNode]:
-    """Return the children from the child with the first access to the child before the second access.
+    """Return the children of a sequence from the child with the first access to that before the second access.
 
-    The children are those of the innermost node that contains both accesses, which must be a sequence.
+    The sequence is the innermost node that contains both accesses.
     """
     around = common_position(first.position, second.position)
     start, end = around.child(first.position), around.child(second.position)

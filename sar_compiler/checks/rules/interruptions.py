@@ -80,7 +80,7 @@ def _check_selector(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Di
 
 
 def _first_node(bound: BoundNode) -> BoundNode:
-    """Return the first node of nested sequences. Its result decides whether the later nodes are ticked."""
+    """Return the first node in nested sequences. Its result decides whether the later nodes are ticked."""
     while (
         bound.children and bound.spec.semantics.is_sequence and not bound.conditions and bound.oneshot is None
     ):
@@ -141,10 +141,10 @@ def _check_finished_work(root: BoundNode, outcomes: PossibleOutcomes) -> Iterato
 
 def _check_repeated_work(bound: BoundNode, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     for index, child in enumerate(bound.children):
-        # An earlier branch may check whether the work is done, unless it begins with a condition and has an effect.
+        # An earlier branch may check whether the work is done. A branch that begins with a condition and has an effect does not.
         if index and not _fails_after_effect(bound.children[index - 1], outcomes):
             return
-        # A branch that begins with a condition may check itself whether there is work left.
+        # A branch that begins with a condition may itself check whether work is left.
         if not index or not outcomes.certain_results(child) & S or is_question(_first_node(child)):
             continue
         found = outcomes.find_restarted(child, has_world_effect)
@@ -163,7 +163,7 @@ def _oneshot_hint(child: BoundNode, found: FoundLeaf) -> str:
 
 
 def _fails_after_effect(bound: BoundNode, outcomes: PossibleOutcomes) -> bool:
-    """Return whether a node begins with a condition that fails in some run, and also affects the world."""
+    """Return whether a node affects the world, and begins with a condition that fails in some run."""
     first = _first_node(bound)
     asks = is_question(first) and outcomes.certain_results(first) & F and first is not bound
     return bool(asks) and outcomes.find_leaf(bound, has_world_effect) is not None

@@ -33,7 +33,7 @@ from sar_compiler.tree.guessing import Guesses, likeness
 from sar_compiler.tree.model import SUBTREE_TAG
 
 _LIKE, _CLOSE = 0.7, 0.75
-"""Two minimum similarities of two keys: the first for a possible typo, the second for a certain typo."""
+"""The minimum similarities of two keys at which one is possibly, or certainly, a typo of the other."""
 
 
 def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
@@ -42,7 +42,7 @@ def check_keys(context: CheckContext) -> Iterator[Diagnostic]:
         yield from _check_typos(context)
         return  # another error may be the reason why a key is not written
     reported: set[tuple[str, int, int]] = set()
-    with gc_paused():  # the objects for keys are many in a large file, and live as long as the check
+    with gc_paused():  # a large file has many objects for keys, which live as long as the check
         for top in context.bound_forest.tops:
             board = entry_table_of(top, context.key_accesses)
             model = context.bound_forest.models.subtrees.get(top.tree.name)
@@ -153,7 +153,7 @@ def _is_explained(use: EntryAccess, entry: EntryAccesses, board: EntryTable, enu
 def _lower_severity(
     findings: Iterable[Diagnostic], unless: str = "unless C++ code writes it"
 ) -> Iterator[Diagnostic]:
-    """Yield the given findings as notes, because other programs may have nodes that write the keys."""
+    """Yield the given findings as notes, because nodes of other programs may write the keys."""
     for finding in findings:
         yield replace(finding, message=f"{finding.message}, {unless}", severity=Severity.INFO)
 
@@ -206,8 +206,8 @@ def _writing_hint(use: EntryAccess, key: str) -> str:
 def _is_typo(entry: EntryAccesses, near: str) -> bool:
     """Return whether a key is a typo of another key.
 
-    A key is a typo if the two keys differ only in blanks, or if the key is used once and is very similar to
-    the other.
+    This is assumed if the two keys differ only in blanks, or if the key is used only once and is very similar to
+    the other key.
     """
     if entry.key.strip() == near.strip():
         return True
@@ -294,7 +294,7 @@ def _parallel_writes(entry: EntryAccesses) -> Iterator[Diagnostic]:
         around = branching_position(first, second)
         if around is None or around.bound.spec.semantics.order is not Order.TOGETHER:
             continue
-        # A key that is also read there is a signal from one branch to the other.
+        # A key that a branch also reads is a signal from one branch to the other.
         if not entry.ordered_readers.has_access_in(around.number, around.last):
             message = (
                 f"{second.access.attribute}: '{second.access.key}' is written here and by '{first.node.name}' "
@@ -350,12 +350,12 @@ def _unread(entry: EntryAccesses, board: EntryTable, context: CheckContext) -> I
 def find_unwritten_ends(entry: EntryAccesses, outcomes: PossibleOutcomes) -> Iterator[Diagnostic]:
     """Yield a finding about the first read that may happen although no writer has written the entry.
 
-    The rule checks only leaves whose outcomes declare the keys that they write (`Outcome.writes`). It reports a read
-    if, in some possible run, the read is the first access after a writer has ended without writing. The positions of
-    the writer and the reader decide this. The rule computes the possible results of the writer's ancestors after such
-    an end, from the writer up to the node that has the writer and the reader in different children. If this node then
-    continues to the reader's branch, the reader is reached. The rule reports nothing if a condition, a script before a
-    node or a chosen branch on the path may depend on the same end, because a wrong finding is worse than a missing one.
+    The rule checks only writers that are leaves whose outcomes declare the written keys (`Outcome.writes`). A read is
+    reported if, in some possible run, it is the first access after a writer has ended without writing. To decide this,
+    the rule computes the possible results of the writer's ancestors after such an end, up to the node that has the
+    writer and the reader in different children. If this node can then continue to the reader's branch, the reader is
+    reached. Nothing is reported if a condition, a script before a node or a chosen branch on the path may depend on how
+    the writer has ended, because a wrong finding is worse than a missing one.
     """
     if not entry.writers or any(_silent_outcomes(writer) is None for writer in entry.writers):
         return

@@ -83,7 +83,7 @@ def _unreachable(bound: BoundNode, why: str) -> Diagnostic:
 DEFAULT_PERIOD = 0.5
 """The default tick period in seconds, for missions that do not define a period."""
 _NEVER = {F: "never fails", S: "never succeeds", R: "always ends in its first tick"}
-"""For each status to which a decorator reacts, a description of a child that never returns this status."""
+"""For each status to which a decorator reacts, the words for a child that never returns this status."""
 
 
 def check_needless_nodes(context: CheckContext) -> Iterator[Diagnostic]:

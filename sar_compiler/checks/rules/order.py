@@ -62,15 +62,15 @@ class _LeafFacts:
             fill_attributes(outcome.when) for outcome in spec.outcomes if outcome.status != "FAILURE"
         ]
         if any(not script or _holds(script, _variables(self.facts)) for script in self.conditions):
-            self.conditions = []  # the leaf may do more than fail from the start
+            self.conditions = []  # the leaf need not fail with the initial facts
         self.needs = frozenset(use.name for script in self.conditions for use in name_uses(_parse(script)))
         uses = (use for script in self.results for use in name_uses(_parse(script)))
         self.changes = self.writes | {use.name for use in uses if use.access is not Access.READ}
 
     def enables(self, other: "_LeafFacts") -> bool:
-        """Return whether an effect of this leaf enables another leaf to do more than fail.
+        """Return whether an effect of this leaf on the initial facts enables an outcome of another leaf.
 
-        The effect is applied to the initial facts.
+        Failures of the other leaf do not count.
         """
         for script in self.results:
             facts = _variables({**self.facts, **other.facts})
@@ -118,7 +118,7 @@ def _numbers(bound: BoundNode) -> dict[str, str]:
     """Return, for each integer attribute of a leaf, the strings that may replace the attribute's placeholder."""
     numbers = (parameter for parameter in bound.spec.constant_attributes if parameter.is_integer_parameter)
     return {
-        # The value of a key is unknown, so it is replaced by a name that no script can evaluate.
+        # The value of a key is unknown. It is replaced by an unknown name, so that scripts with it cannot be evaluated.
         each.name: _UNKNOWN
         if each.name in bound.keys
         else number_text(bound.values.get(each.name, each.default))
@@ -194,7 +194,7 @@ class _Effects:
         return leading
 
     def last_two_before(self, leaf: _FactLeaf) -> list[_FactLeaf]:
-        """Return the last two leaves before a leaf in a sequence that change a fact which the leaf reads."""
+        """Return the last two leaves, before a leaf in a sequence, that change a fact that the leaf reads."""
         found: dict[_FactLeaf, None] = {}
         inner, around = leaf.use.position, leaf.use.position.around
         while around is not None and len(found) < _DOING_AND_UNDOING:

@@ -1,8 +1,8 @@
-"""The possible results of each bound node, whether it can take time, and which leaves a restart repeats.
+"""The possible results of each bound node, whether the node can take time, and the leaves that a restart repeats.
 
 The results are computed once for all rules, from the leaves to the root. They follow from the declarations of leaves
-and the semantics of controls and decorators (`nodes.semantics`). A node that only a model
-describes, or that declares nothing, may return any status; none of them is known to occur.
+and the semantics of controls and decorators (`nodes.semantics`). A node that declares nothing, or that only a model
+describes, may return any status, but none is known to occur.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -18,7 +18,7 @@ _YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FA
 _SHIFT = 4
 _UNKNOWN = ALL
 _CONDITIONS = {"_failureIf": (True, F), "_successIf": (True, S), "_skipIf": (True, K), "_while": (False, K)}
-"""For each condition attribute, the truth value that decides the node's result, and this result.
+"""For each condition attribute, the truth value that decides the node's result, and the resulting outcome set.
 
 The attributes are listed in the order in which a node evaluates them.
 """
@@ -101,7 +101,7 @@ class PossibleOutcomes:
     def find_restarted(self, bound: BoundNode, wanted: Callable[[BoundNode], bool]) -> FoundLeaf | None:
         """Return the first leaf below a node that meets a condition and restarts whenever the node restarts.
 
-        The search skips leaves that are ticked only after certain results: leaves after the first child of a selector,
+        The search skips leaves that are ticked only after particular results: leaves after the first child of a selector,
         in a branch, or under a condition. It also skips nodes that are executed only once.
         """
         if bound.oneshot is not None or bound.conditions or bound in self._broken:
@@ -245,7 +245,7 @@ def consequence(leaf: BoundNode) -> str:
 
 
 def _infinitive(verb: str) -> str:
-    """Return the infinitive of the verb with which a leaf's effect begins: "carry" for "carries"."""
+    """Return the infinitive of a verb in the third person: "carry" for "carries"."""
     if verb.endswith("ies"):
         return f"{verb[:-3]}y"
     return verb[:-2] if verb.endswith(("ches", "shes", "sses", "xes", "oes")) else verb[:-1]

@@ -1,4 +1,4 @@
-"""Rules about valid scripts with a probably unintended meaning, and about scripts that can never run."""
+"""Rules about valid scripts whose meaning is probably unintended, and about scripts that can never run."""
 
 import itertools
 from collections.abc import Callable, Iterator
@@ -64,7 +64,7 @@ def is_condition(bound: BoundNode, attribute: str) -> bool:
 
 
 def is_statement(bound: BoundNode, attribute: str, start: int) -> bool:
-    """Return whether a name in a script forms a whole statement.
+    """Return whether a name in a script is a whole statement.
 
     `check_scripts` reports such statements.
     """
@@ -156,7 +156,7 @@ def _check_touching(
     for before, statement in itertools.pairwise(script.statements):
         is_value = is_condition and statement is script.statements[-1]
         if _is_idle(before) or (_is_idle(statement) and not is_value):
-            continue  # its lack of effect is reported already
+            continue  # `_no_ops` reports that the statement has no effect
         between = script.text[before.end : statement.start]
         span = bound.element.value_part_span(attribute, statement.start, statement.end)
         end = bound.element.value_part_span(attribute, before.end - 1, before.end)
@@ -205,7 +205,7 @@ class _Folding:
         self._text = text
 
     def values_of(self, node: Expression) -> _Samples:
-        """Return the possible values of an expression. If it always raises an error, any value is possible."""
+        """Return the possible values of an expression; any value if the expression always raises an error."""
         if isinstance(node, Literal):
             return _Samples((node.value,), is_known=True)
         if isinstance(node, Prefix):
@@ -215,7 +215,7 @@ class _Folding:
         if isinstance(node, Operation):
             return self._operation(node)
         if isinstance(node, ComparisonChain):
-            # A program's enumerations decide which values can be compared, because they turn strings into numbers.
+            # Enumerations of the C++ program turn strings into numbers, so they decide which values can be compared.
             for operand in (node.first, *(step.operand for step in node.steps)):
                 self.values_of(operand)
             return _NUMBER

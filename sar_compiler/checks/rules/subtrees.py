@@ -24,7 +24,7 @@ def check_subtrees(context: CheckContext) -> Iterator[Diagnostic]:
     for tree in context.trees:
         yield from _keys_as_strings(tree, context, compared)
     if not context.is_complete:
-        return  # an error in a tree may be the reason why it does not use a key, or another tree
+        return  # because of an error, a tree may seem not to use a key or another tree
     yield from _unused_trees(context)
     keys_of = _keys_of_trees(context.key_accesses)
     for tree in context.trees:

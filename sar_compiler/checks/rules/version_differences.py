@@ -1,6 +1,6 @@
 """Rules about differences between BehaviorTree.CPP versions that affect a tree.
 
-Other rules do not report these differences.
+No other rule reports these differences.
 """
 
 import itertools
@@ -216,9 +216,9 @@ class _FlatPart:
         self._is_either = self._is_chosen = self._is_assigned = False
 
     def read_operator(self, sign: str) -> tuple[str, str] | None:
-        """Read the next operator.
+        """Process the next operator.
 
-        If older versions refuse it, return a description and a remedy, otherwise None.
+        If older versions reject it, return a description and a remedy; otherwise, return None.
         """
         if sign == "?" or sign in _ASSIGNMENTS:
             return self._read_single(sign)

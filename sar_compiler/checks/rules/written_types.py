@@ -103,8 +103,8 @@ class _WrittenValue(NamedTuple):
 
     Attributes:
         cpp: The value's normalized C++ type.
-        value: The value itself, if the file shows it.
-        is_shown: Whether the file shows the value.
+        value: The value itself, if the file contains it.
+        is_shown: Whether the file contains the value.
         text: The constant as written, if BehaviorTree.CPP stores it as a string; None for any other value.
     """
 
@@ -171,7 +171,7 @@ class KeyTypeRules:
         self._version = btcpp or NEWEST
         self._severity = btcpp_severity(btcpp)
         self._entries = {(entry.scope, entry.key): entry for entry in board.entries}
-        # Sets of ports that all have the same type. An entry that only such ports use needs no comparison.
+        # Sets of ports with the same type. An entry that is used only by the ports of one set needs no comparison.
         self._of_one_type: set[tuple[int, ...]] = set()
         # The possible values of entries are cached, because copies of copies request them often.
         self._values: dict[tuple[Scope, str], _PossibleValues] = {}
@@ -288,7 +288,7 @@ class KeyTypeRules:
                 found = {}
                 break
             found.update(dict.fromkeys(values))
-        # A chain that was too long from another entry may be short enough from this one.
+        # A chain of copies that is too long from another entry may be short enough from this entry.
         if found or not depth:
             self._values[owner] = tuple(found) or None
         return tuple(found) or None
@@ -347,13 +347,13 @@ class KeyTypeRules:
         yield from itertools.islice(itertools.chain(refused, notes), 1)
 
     def _is_read_as(self, value: _WrittenValue, cpp: str) -> bool:
-        """Return whether a known value can be read as a number type. All values other than strings can be."""
+        """Return whether a known value can be read as a number type. This is true for all values except strings."""
         return not isinstance(value.value, str) or can_be_converted(value.value, cpp, self._version)
 
     def _refused_by(
         self, port: _TypedPort, write: _KeyWrite, values: tuple[_WrittenValue, ...], first: EntryType
     ) -> Diagnostic | None:
-        """Return the finding about values that BehaviorTree.CPP rejects at a port; None if it rejects none."""
+        """Return the finding about values that BehaviorTree.CPP rejects at a port; None if it accepts all values."""
         types = [value.cpp for value in values]
         shown, is_new, is_given = " or ".join(dict.fromkeys(types)), False, first.parameter is None
         # The types of constants, items and ports are compared when the tree is bound.
@@ -385,7 +385,7 @@ class KeyTypeRules:
         if not value.is_shown or (not port.reads and (write.is_constant or write.is_item)):
             return True
         if port.cpp == STATUS and isinstance(written, str) and not (write.is_constant or write.is_item):
-            # A script converts a string for an existing status to a number, and does not accept names of statuses.
+            # A script converts a string to a number if the entry contains a status. It does not accept names of statuses.
             is_number_there = written in ("true", "false") or _begins_as_number(written)
             return not write.is_copy and not port.reads and is_number_there
         return can_be_converted(written, port.cpp, self._version)
@@ -492,7 +492,7 @@ class KeyTypeRules:
 
 
 def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
-    """Return whether a write always happens before a later write because both nodes are in one sequence."""
+    """Return whether a write always happens before a later write: both nodes must be in one sequence."""
     around = earlier.position.around
     if around is None or around is not later.position.around:
         return False
@@ -500,7 +500,7 @@ def _has_written(earlier: EntryAccess, later: EntryAccess) -> bool:
 
 
 def _script_in(text: str, port: _TypedPort) -> Script | None:
-    """Return the script in a string; None if the string is not a script, which another rule reports."""
+    """Return the script in a string; None if the string is not a script (another rule reports this)."""
     try:
         script = port.parameter.value_type.convert(text)
     except ConversionError:
@@ -509,10 +509,10 @@ def _script_in(text: str, port: _TypedPort) -> Script | None:
 
 
 def _kinds_of_ports(entry: EntryAccesses) -> tuple[dict[int, EntryAccess], bool]:
-    """Return one access for each kind of port of an entry, and whether anything but a typed port writes it.
+    """Return one access for each kind of port of an entry, and whether anything but a typed port writes the entry.
 
-    An entry may have many uses, so each port of each kind of node is compared only once. A port that counts children is
-    compared once for each number of children.
+    An entry may have many uses, so each port of each kind of node is compared only once. A port whose value is a number of
+    children is compared once for each number of children.
     """
     kinds: dict[int, EntryAccess] = {}
     others_write = bool(entry.given)
@@ -541,7 +541,7 @@ def _is_lost(value: _WrittenValue, cpp: str) -> bool:
 
 
 def _is_accepted(value: _WrittenValue, port: _TypedPort, write: _KeyWrite) -> bool:
-    """Return whether a port accepts a value. An output port only has to accept strings from scripts."""
+    """Return whether a port accepts a value. For an output port, only strings from scripts are checked."""
     written = value.value
     if not value.is_shown or fits(port.parameter.value_type, written):
         return True
@@ -564,7 +564,7 @@ def _items_of(bound: BoundNode, cpp: str) -> Iterator[_WrittenValue]:
 
 
 def _exceeds_children(value: _WrittenValue, port: _TypedPort) -> bool:
-    """Return whether a port counts children and the written value exceeds the number of children."""
+    """Return whether the port's value is a number of children, and the written value exceeds the number of children."""
     there, name = len(port.bound.children), port.parameter.name
     if name not in port.bound.spec.semantics.counts or not value.is_shown or not there:
         return False

@@ -48,9 +48,9 @@ AUTOREMAP = "_autoremap"
 """The attribute of a `SubTree` that remaps every key to the outer key of the same name."""
 
 NOTES = ("_description", "_uid", "_fullpath", "_collapsed", "_favorite", "_hardcoded", "_subtreeOnly")
-"""The notes of BehaviorTree.CPP and of editors that schemas list.
+"""The notes of BehaviorTree.CPP and of editors that the schemas list.
 
-Any attribute that begins with `_` can be a note.
+Tree files may contain other notes: an attribute that begins with `_` and is not a condition is a note.
 """
 _TEXT_NOTES = frozenset(
     {*NOTES, "_comment", "_note", "_notes", "_todo", "_doc", "_label", "_title", "_color", "_style"}
@@ -74,16 +74,16 @@ _DECORATORS = {
     "forcesuccess": "<ForceSuccess>",
     "forcefailure": "<ForceFailure>",
 }
-"""For certain names of notes, the decorator that the author of the note probably wanted to use."""
+"""The decorator that the author of a note probably wanted to use, by a word in the note's name."""
 _LIKE_DECORATOR = r"(?i)_((?:timeout|delay|repeat|retry|retries|attempts|invert|negate|run_?once|force_?(?:success|failure)))"
 _NEGATED = frozenset({"_if", "_onlyIf", "_only_if", "_runIf", "_run_if", "_doIf", "_do_if", "_when"})
-"""Notes for conditions under which a node runs. The condition in `_skipIf` is the opposite: the node does not run."""
+"""Names of notes that suggest a condition for running the node. `_skipIf` needs the negated condition."""
 
 
 OneShotPolicyName: TypeAlias = Literal["ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"]
 """The names of the py_trees policies for OneShot."""
 ONESHOT_TYPE = require_value_type(OneShotPolicyName)
-# Looked up once: in Python 3.11, access to an enumeration member is slow, and every attribute needs these.
+# Looked up once, because access to enumeration members is slow in Python 3.11, and every attribute needs these.
 _NAME, _ATTRIBUTE, _REFERENCE = ParameterRole.NAME, ParameterRole.ATTRIBUTE, ParameterRole.REFERENCE
 _OUTPUT, _INOUT = Direction.OUTPUT, Direction.INOUT
 _BOOL_TYPE = require_value_type(bool)
@@ -330,7 +330,7 @@ class AttributeBinder:
             hint = convert_to_attribute_unit(name, element.attributes[name], spec)
             self._collector.add("unknown-attribute", message, element, name=name, suggestion=near, hint=hint)
             return near
-        # The unknown attribute was probably intended as the missing attribute of this variant or another variant of the tag.
+        # The unknown attribute was probably meant to be the attribute that is missing for this or another variant of the tag.
         others = [p.name for other in other_variants for p in other.attributes if p.required]
         unit = _unit_of(spec.parameters[missing[0]])
         suggestion = missing[0] if not others and unit == unit_suffix(name) else None

@@ -39,14 +39,14 @@ from sar_compiler.tree.model import INCLUDE_TAG, MODEL_TAG, ROOT_TAG, SUBTREE_TA
 _KEYS = r"(?a)\{(@?[A-Za-z_]\w*)\}|(?<![\w@])(@?[A-Za-z_]\w*)\s*:="
 
 OF_ANY = ("ID", "name", ONESHOT)
-"""Attributes that nodes of several libraries have. They therefore do not indicate the library of a node."""
+"""Attributes that are common to several libraries, so that they do not indicate the library of a node."""
 _UNKNOWN = "there are no nodes of these names"
 _REMAP = "remap"
 _UNKNOWN_HINT = (
     "list the known nodes with sar-compile nodes, or add a module with --nodes or a palette with --model"
 )
 _LIKE_UNUSED = 0.9
-"""The minimum similarity between an unknown tag and a suggested tag that the file does not use."""
+"""The minimum similarity of an unknown tag to a suggested tag of an installed module that the file does not use."""
 
 _Vocabulary = tuple[Registry, NodeModels, dict[str, list[NodeSpec]], dict[str, str | None]]
 """The registry and the models of a file, the specs of its tags, and for each unknown tag the intended tag."""
@@ -57,7 +57,7 @@ class BoundForest(NamedTuple):
 
     Attributes:
         trees: The trees, in the order of the files, followed by the used trees of other files of the set.
-        tops: The main tree and the unused trees with their subtrees expanded, unless they are too large.
+        tops: The main tree and the trees that no tree uses, with their subtrees expanded. Too large trees are left out.
         key_types: The types of the blackboard entries, for each tree in *tops*.
         models: The models of nodes that are not registered, and of subtrees.
         specs: All specs of the tags in the trees.
@@ -175,7 +175,7 @@ class Binder:
         self._meanings: dict[str, list[NodeSpec]] = {}
         self._meant: dict[str, str | None] = {}
         self._home: Forest | None = None
-        # The key None is the file itself.
+        # By the forest to which a tree belongs; None for the trees of this forest.
         self._words: dict[Forest | None, _Vocabulary] = {
             None: (self._registry, models, self._meanings, self._meant)
         }
@@ -356,7 +356,7 @@ class Binder:
         """Report an unknown tag, and continue with the tag that was probably meant."""
         self._current.unknown_names.add(element.attributes.get("name", tag))
         near = self._intended_tag(element, tag)
-        if near == tag:  # py_trees' decorator by its tag, not a condition in explicit form
+        if near == tag:  # this is the tag of a py_trees decorator, so suggesting it would not help
             near = None
         if element.tag == TREE_TAG:
             self._collector.add(
@@ -457,9 +457,9 @@ class Binder:
         return self._meant[tag]
 
     def _similar_tag(self, tag: str) -> str | None:
-        """Return the tag that is similar to an unknown tag.
+        """Return the tag that is similar to an unknown tag; None without a similar tag.
 
-        A tag that the file does not use must be almost equal to it.
+        A tag of an installed module that the file does not use must be almost equal to the unknown tag.
         """
         near = self._guesses.nearest(tag, self._tags if tag != SUBTREE_TAG else self._tags[:-1])
         return near or self._guesses.nearest(tag, list(self._registry.tags), _LIKE_UNUSED)
@@ -486,7 +486,7 @@ class Binder:
 
     @functools.cached_property
     def _tags(self) -> list[str]:
-        """The tags that an unknown tag may stand for."""
+        """The tags that may be suggested for an unknown tag."""
         elements = (element for tree in self._forest.iterate() for element in tree.iterate())
         used = {
             element.attributes.get("ID", element.tag) if element.tag in KIND_TAGS else element.tag
@@ -573,7 +573,7 @@ class Binder:
             elif name.startswith("_"):
                 self._unknown_of_subtree(element, name)
             else:
-                # For a port of a node, `=` would mean the key with the port's name.
+                # As in BehaviorTree.CPP, `=` is a string here. In a port, it refers to the key with the port's name.
                 key = None if text == "=" else blackboard_key(text, name)
                 (constants if key is None else keys)[name] = text if key is None else key
         autoremap = self._attributes.flag(element, AUTOREMAP)

@@ -58,7 +58,7 @@ class TreeInstance:
             yield from instance.iterate()
 
     def in_place(self) -> "Iterator[tuple[TreeInstance, BoundNode]]":
-        """Yield each `demanding` node with its instance.
+        """Yield each node of `BoundTree.demanding` with its instance.
 
         The nodes of a subtree follow their `SubTree` node.
         """

@@ -41,7 +41,7 @@ def check_size_limits(main: BoundTree, collector: FindingCollector, others: int 
     Args:
         main: The tree.
         collector: The collector of findings.
-        others: The number of nodes in other trees of the file. They are added to the size.
+        others: The number of nodes in other trees of the file, which is added to the size.
 
     Returns:
         The number of nodes in the tree; None if there is a finding.

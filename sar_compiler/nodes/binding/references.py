@@ -21,14 +21,14 @@ class ReferenceCandidates:
         self._called: dict[str | None, dict[str, dict[BoundNode, None]]] = {}
 
     def candidates(self, parameter: Parameter) -> Collection[BoundNode]:
-        """Return the nodes that a reference may name, given the parameter that holds the reference."""
+        """Return the nodes to which a parameter may refer."""
         target = parameter.target_path
         if target not in self._fitting:
             self._fitting[target] = {node: None for node in self._nodes if node.spec.is_class_of(parameter)}
         return self._fitting[target]
 
     def names(self, parameter: Parameter | None = None) -> Mapping[str, Collection[BoundNode]]:
-        """Return the nodes that a reference may name, by node name. Without a parameter, return all nodes."""
+        """Return the nodes to which a parameter may refer, by node name. Without a parameter, return all nodes."""
         target = parameter.target_path if parameter is not None else None
         if target not in self._called:
             by_name = self._called[target] = {}

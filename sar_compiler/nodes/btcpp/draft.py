@@ -19,7 +19,7 @@ class NodeDraft:
         tag: The tag of the new node.
         attributes: The attributes of the new node, without the `ID` of the explicit form.
         explicit: Whether the new node is written in explicit form.
-        kept: Whether the node stays unchanged, because it has no counterpart or needs no note.
+        kept: Whether the node stays as it is, without a note about a missing counterpart.
         children: The elements added to a leaf that becomes several nodes.
     """
 
@@ -35,7 +35,7 @@ class NodeDraft:
     ) -> T | None:
         """Return an attribute's value.
 
-        If the text cannot be converted, add a note, keep the node, return None.
+        If the text cannot be converted, add a note, keep the node as it is, and return None.
         """
         text = self.attributes[name]
         try:

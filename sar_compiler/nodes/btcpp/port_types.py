@@ -144,7 +144,7 @@ def _is_pointer(cpp: str) -> bool:
 
 
 def can_replace(written: str, held: str) -> bool:
-    """Return whether a port can overwrite another type's value in an entry whose type no port determines.
+    """Return whether a port can overwrite a value of another type in an entry without a fixed type.
 
     Args:
         written: The normalised type of the port that writes.

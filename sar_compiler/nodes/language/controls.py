@@ -151,14 +151,14 @@ SPECS = [
         input_port(
             "success_count",
             int,
-            "Required number of successes. A negative number counts from the end: -1 means all children, and a skipped "
-            "child then counts as a success.",
+            "Required number of successes. A negative number counts down from the number of children: -1 means all, -2 "
+            "all but one. Skipped children then count as successes.",
             -1,
         ),
         input_port(
             "failure_count",
             int,
-            "Number of failed children at which the node fails. A negative number counts from the end.",
+            "Number of failed children at which the node fails. -1 means all children, -2 all but one, and so on.",
             1,
         ),
         semantics=Semantics.parallel(
@@ -208,7 +208,7 @@ SPECS = [
         input_port(
             "max_failures",
             int,
-            "Number of failed children at which the node fails. A negative number counts from the end. With "
+            "Number of failed children at which the node fails. -1 means all children, -2 all but one, and so on. With "
             "0 the node always fails.",
             1,
         ),

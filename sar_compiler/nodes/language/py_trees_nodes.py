@@ -48,8 +48,8 @@ B = TypeVar("B", bound=Behaviour)
 class ScopedClient(Client):
     """A py_trees blackboard client for the entries of a tree.
 
-    It replaces the client of a stock node. That client would write to a py_trees namespace that all trees share, and the
-    tree would not count these writes.
+    It replaces the client of a stock node. The stock client would write to a namespace that all trees share, and its
+    writes would not be counted.
 
     Args:
         stock: The client to replace, which is unregistered.

@@ -394,7 +394,7 @@ def _parameter(port: Port) -> Parameter:
 
 
 _TEXT = require_value_type(str)
-# The comparable types. In C++, durations, enumerations and other values that are written as strings have their own types.
+# The types whose names in C++ can be compared. Durations and enumerations, for example, have C++ types of their own.
 _COMPARED = (bool, int, float, str, list)
 
 

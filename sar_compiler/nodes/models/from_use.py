@@ -46,8 +46,8 @@ class _PortUse(NamedTuple):
     Attributes:
         text: The written text.
         is_key: Whether the text is a key.
-        makes_key: Whether the node probably writes the key: a later node in the tree has the key, but no earlier node
-            has it.
+        makes_key: Whether the node probably writes the key: a later node in the tree uses the key, but no earlier node
+            does.
         cpp: The C++ type of a known port that has the same key in the tree; empty if there is no such port.
     """
 
@@ -76,7 +76,7 @@ class _NodeUse:
 
         Args:
             node: The element.
-            made: The keys of the element that a later node has, but no earlier node has.
+            made: The keys of the element that a later node uses, but no earlier node.
             types: The C++ types of the keys of known ports in the tree.
         """
         self.kinds.update([node.tag] if node.tag in KIND_TAGS else [])

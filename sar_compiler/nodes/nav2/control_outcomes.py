@@ -40,7 +40,7 @@ def recovery(bound: NodeView, children: Sequence[int], sure: bool) -> int:
 def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
     """Return the outcome set of a node that, in each tick, ticks all children up to the furthest one reached."""
     if sure:
-        # A branch is not reset between ticks, so it is unknown whether the children after it can end.
+        # A branch of several nodes keeps its state between ticks, so it is unknown whether later children can end.
         leaves = [child.is_leaf for child in bound.children]
         known = leaves.index(False) + 1 if False in leaves else len(children)
         children = [*children[:known], *[0] * (len(children) - known)]
@@ -123,7 +123,7 @@ def periodic(own: int, _bound: NodeView, children: Sequence[int], sure: bool) ->
 
 
 def once_until_reset(_bound: NodeView, children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of a decorator that fails, after its child has ended, until it is reset."""
+    """Return the outcome set of a decorator that fails from the end of its child until it is reset."""
     return children[0] | (F if not sure and children[0] & (S | F) else 0)
 
 
