@@ -400,7 +400,7 @@ class Builder:
         report_without_class(bound, self._collector)
 
     def build(self, instance: TreeInstance, bound: BoundNode) -> Behaviour:
-        """Build a node with its wrappers and descendants. There is no recursion, because trees may be deep."""
+        """Build a node with its wrappers and descendants. The method is not recursive, because trees may be deep."""
         left: Iterator[_NodeInInstance] = iter([(instance, bound)])
         children: list[Behaviour] = []
         # The enclosing nodes, each with its remaining siblings and the siblings that are already built.

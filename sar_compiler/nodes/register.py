@@ -47,8 +47,8 @@ def register(  # noqa: PLR0913 - the declarations of a node
         facts: The facts that the scripts of the outcomes use, with their initial values.
         reads: Further facts or blackboard keys on which the node's behaviour depends.
         writes: Further facts or blackboard keys that the node changes.
-        semantics: How a control or decorator ticks its children, for example `Semantics.sequence()`. Without semantics,
-            only the outcomes are known, and checks can conclude little.
+        semantics: The way a control or decorator ticks its children, for example `Semantics.sequence()`. Without
+            semantics, checks know only the node's outcomes and can conclude little.
         child_count: The minimum and maximum number of a control's children (None for no limit); by default at least 1.
 
     Returns:

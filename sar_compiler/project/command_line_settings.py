@@ -18,7 +18,7 @@ class CommandLineSettings(NamedTuple):
         include_path: Further folders from which files may be included.
         trust: Whether to trust the modules beside configurations, until their code changes.
         registry: The registered nodes; None for the installed nodes and those in *nodes*.
-        trees: Further tree files, which are searched for trees that a file lacks.
+        trees: Further tree files. They are searched for the trees that a file lacks.
         mission: The name of the mission; None if the leaves of the tree determine the mission.
         folders: Folders that the user has named. The files in each of them belong together, like those of a repository.
         names: The paths of tree files as the user has written them, for findings.

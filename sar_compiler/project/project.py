@@ -33,7 +33,7 @@ class Project:
     Attributes:
         configuration: The configuration of the tree files.
         checkout: The folder whose code is not trusted: the repository, or the configuration's folder.
-        files_around: The palettes and tree files in the surrounding folders, which can be used without being named.
+        files_around: The palettes and tree files in the surrounding folders. They can be used without being named.
         used_palettes: The paths of the surrounding palettes that were used.
         used_trees: The paths of the surrounding tree files that were used.
         additions: The settings on the command line.

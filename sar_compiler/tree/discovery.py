@@ -68,7 +68,7 @@ def _form_of(path: Path, content: bytes | str) -> Form:
 
 
 SKIPPED = ("build", "install", "log")
-"""The names of colcon's output folders. These folders are not searched, and neither are hidden folders."""
+"""The names of colcon's output folders. Neither these folders nor hidden folders are searched."""
 
 _BEGINNING = TREE._replace(limit=65_536)
 """The file kind for reading only the first bytes of a file. These bytes suffice to recognise a tree file."""

@@ -44,7 +44,7 @@ class ForkedWorkers:
         self._max_sec = max_sec
 
     def start(self, count: int) -> None:
-        """Start workers. Only the calling thread exists in a worker, so no other thread may have been started.
+        """Start workers. This must be done before any thread is started: a worker contains only the calling thread.
 
         Args:
             count: The number of workers.

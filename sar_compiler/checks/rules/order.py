@@ -243,7 +243,7 @@ def _check_too_early(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
 
 
 def _check_undone(leaf: _FactLeaf, effects: _Effects) -> Diagnostic | None:
-    """Return a finding about a leaf that needs an earlier leaf's effect, which a leaf in between undoes."""
+    """Return a finding if a leaf needs the effect of an earlier leaf, but a leaf in between undoes this effect."""
     before = effects.last_two_before(leaf) if leaf.declared.reads else []
     if len(before) < _DOING_AND_UNDOING:
         return None

@@ -57,7 +57,7 @@ class BoundForest(NamedTuple):
 
     Attributes:
         trees: The trees, in the order of the files, followed by the used trees of other files of the set.
-        tops: The main tree and the trees that no tree uses, with their subtrees expanded. Too large trees are left out.
+        tops: The main tree and the trees that no tree uses, with subtrees expanded, except for trees that are too large.
         key_types: The types of the blackboard entries, for each tree in *tops*.
         models: The models of nodes that are not registered, and of subtrees.
         specs: All specs of the tags in the trees.

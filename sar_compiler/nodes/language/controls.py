@@ -147,7 +147,8 @@ SPECS = [
     _own(
         "Parallel",
         "kernel.counting:ParallelNode",
-        "Succeeds after success_count successes. Fails after failure_count failures, or when it can no longer succeed.",
+        "Succeeds when success_count children have succeeded. Fails when failure_count children have failed, or when it can no "
+        "longer succeed.",
         input_port(
             "success_count",
             int,

@@ -172,8 +172,8 @@ BEHAVIORTREE_CPP = [
         input_port(
             "num_attempts",
             int,
-            "Number of failures; -1 to retry without end, 0 to fail at once. The number is read again after each failure, "
-            "because the child may have changed it.",
+            "Maximum number of attempts; -1 to retry without end, 0 to fail at once. The number is read again after each "
+            "failure, because the child may have changed it.",
         ),
         semantics=Semantics.restarts_child(F, "num_attempts"),
     ),

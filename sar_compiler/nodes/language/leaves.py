@@ -159,7 +159,7 @@ PY_TREES = [
     ),
     _stock(
         "Dummy",
-        "Returns RUNNING forever, as a placeholder for a node that is not written yet.",
+        "Returns RUNNING forever, as a placeholder for a node that is not implemented yet.",
         statuses=_RUNNING,
     ),
     _stock(
@@ -296,7 +296,7 @@ PY_TREES = [
     ),
     _question(
         "CheckBlackboardVariableValues",
-        "Compares several keys with values, and succeeds if the joined results are true.",
+        "Compares several keys with values, and succeeds if the combined result is true.",
         attribute(
             "checks",
             CHECKS,
@@ -306,7 +306,7 @@ PY_TREES = [
         attribute(
             "operator",
             Junction,
-            "The operator that joins the results of the comparisons, from left to right.",
+            "The operator that combines the results of the comparisons, from left to right.",
         ),
         inout_port(
             "namespace",

@@ -218,7 +218,7 @@ def undescribed_tags(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) ->
 def undeclared_names(files: Iterable[TreeFile], palettes: Iterable[TreeFile]) -> set[str]:
     """Return the names in scripts and cases that may be undeclared named constants.
 
-    These are names that are not keys in the files, and names that begin with a capital letter, which are rarely keys.
+    These are names that are not keys in the files, and names with a capital first letter (they are rarely keys).
     """
     files = tuple(files)
     names: set[str] = set()

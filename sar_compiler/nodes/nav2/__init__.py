@@ -338,7 +338,7 @@ _REQUESTS = (
     Outcome("RUNNING", "resume"),
     Outcome("SKIPPED", "resume and pause"),
 )
-# Nodes that depend on the world, each with its stand-in, which queries the world.
+# The stand-ins for nodes that depend on the world. Each stand-in queries a leaf that represents the world.
 _STAND_INS: Mapping[str, tuple[str, Semantics, tuple[Outcome, ...]]] = {
     "SpeedController": ("nav2_decorators:WhenDueNode", _TIMED, _DUE),
     "GoalUpdatedController": ("nav2_decorators:WhenDueNode", _TIMED, _GOAL),
