@@ -52,10 +52,10 @@ class Progress(NamedTuple):
     """The progress of a search.
 
     Attributes:
-        states: Number of states found.
-        expanded: Number of states explored.
-        steps: Number of steps between states.
-        depth: Number of ticks from the start to the current state.
+        states: The number of states found.
+        expanded: The number of states explored.
+        steps: The number of steps between states.
+        depth: The number of ticks from the start to the current state.
         broken: The names of the properties violated so far.
     """
 

@@ -330,8 +330,8 @@ class CommandParser(argparse.ArgumentParser):
         """Hide some options in `--help`, and shorten the help of others. `--help-all` shows all options in full.
 
         Args:
-            hidden: Names of rarely used options.
-            shortened: Help texts by the name of the argument in the namespace.
+            hidden: The names of rarely used options.
+            shortened: The shortened help texts, by the name of the argument in the namespace.
         """
         shown = "show all options in full, and exit"
         self.add_argument("--help-all", action=_HelpAllAction, default=argparse.SUPPRESS, help=shown)

@@ -585,7 +585,7 @@ def _convert_system_errors(path: Path) -> Iterator[None]:
         raise MissingFileError(path, error.strerror or str(error)) from error
     except OSError as error:
         raise UnreadableFileError(path, error.strerror or str(error)) from error
-    except ValueError as error:  # a zero byte, or half of a character
+    except ValueError as error:  # a zero byte, or a lone surrogate
         raise UnreadableFileError(path, f"no file can have this name ({error})") from error
 
 

@@ -73,7 +73,7 @@ def add_tags(drawing: str, tree: Drawable) -> str:
 def _tag(behaviour: Behaviour, tree: Drawable) -> str:
     bound = tree.origins[behaviour.id].bound
     tag = bound.spec.tag
-    # The name of a wrapper from an attribute is not the element's. Symbols in the drawing show the kinds of composites.
+    # No tag is added to wrappers, whose names differ from the element's, and to composites, whose symbols show the kind.
     sign = " ?" if is_unknown(bound) else ""
     is_other = behaviour.name != bound.name or bound.spec.kind is Kind.CONTROL
     if is_other or behaviour.name in (tag, f"{tag}?"):

@@ -25,14 +25,14 @@ def tree_server(
     options: Sequence[str],
     new_budget: Callable[[], Budget],
 ) -> TreeServer:
-    """Create a language server that supports all these requests.
+    """Create a language server that supports all requests of this module.
 
     Args:
         version: The version of this project.
         additions: The user's additions to the configurations of all projects.
         command: The command that starts `sar-compile`.
         options: The command-line options that define the additions.
-        new_budget: Function that creates the budget of a check.
+        new_budget: A function that creates the budget of a check.
     """
     server = TreeServer(version, additions, command, options, new_budget)
     _add_texts(server)

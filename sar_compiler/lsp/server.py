@@ -80,7 +80,7 @@ class TreeServer(LanguageServer):
         additions: The user's additions to the configurations of all projects.
         command: The command that starts `sar-compile`.
         options: The command-line options that define the additions.
-        new_budget: Function that creates the budget of a check.
+        new_budget: A function that creates the budget of a check.
     """
 
     def __init__(

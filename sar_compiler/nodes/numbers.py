@@ -328,7 +328,7 @@ def _conversion_factor(spelt: str, unit: str) -> "Fraction | None":
 
 
 def _round(value: "Fraction") -> str:
-    """Return a number with all its digits. An infinite decimal is rounded."""
+    """Return the decimal digits of a number. An infinite decimal is rounded."""
     from decimal import Decimal
 
     short = Decimal(value.numerator) / Decimal(value.denominator)

@@ -3,7 +3,7 @@
 An outcome set is an integer with a bit for each result. A function of this module takes a node, the outcome sets of
 its children, and the flag *sure*. If *sure* is False, the function returns every result that a tick may have. If *sure*
 is True, it returns only the results that certainly occur in some run. This assumes that each child has each result of
-its set in some run, independently of its siblings. The set of a child without a certain result is then empty.
+its set in some run, independently of its siblings. If no result of a child is certain, the child's set is empty.
 
 If a result depends on a key, or on a script with variables, the tick may have any result. All these results are
 regarded as certain, because the tree's author presumably expects each of them. A constant has a single result.
@@ -99,7 +99,7 @@ def _sequential_outcomes(
 
 
 def _before_restarts(bound: "NodeView", children: Sequence[int]) -> Sequence[int]:
-    """Return the outcome sets of children.
+    """Return the outcome sets of children, without the results of children that may never end.
 
     The set of a child is empty if an earlier sibling may interrupt the child in each tick.
 
@@ -194,12 +194,12 @@ Decision: TypeAlias = Callable[[int, int, int], int]
 
 
 def _count_all(children: Sequence[int], at_once: Decision, at_the_end: Decision) -> int:
-    """Return the results of counting over all combinations of the children's results.
+    """Return the outcome set of a parallel, computed from all combinations of its children's results.
 
     Args:
-        children: The sets of the children.
-        at_once: Function that returns the result for the numbers of succeeded, failed and skipped children; 0 to continue.
-        at_the_end: Function that returns the result for these numbers after all children were ticked.
+        children: The outcome sets of the children.
+        at_once: A function that returns the result for the numbers of succeeded, failed and skipped children; 0 to continue.
+        at_the_end: A function that returns the result for the same numbers after all children were ticked.
     """
     found, counts = 0, {(0, 0, 0)}
     for child in children:
@@ -259,7 +259,7 @@ def _mapped_results(turned: tuple[int, ...], bound: "NodeView", children: Sequen
 
 
 def _sure_if_interrupted(bound: "NodeView", child: int) -> int:
-    """Return the certain results of a child that the decorator resets each time the child returns RUNNING.
+    """Return the results that a child certainly has although it is reset each time it returns RUNNING.
 
     A leaf can end in any tick. A branch of several nodes may have to run for some ticks first.
     """
@@ -324,7 +324,7 @@ def loop(bound: "NodeView", children: Sequence[int], sure: bool) -> int:
 
 
 def each_item(_bound: "NodeView", children: Sequence[int], sure: bool) -> int:
-    """Return the outcome set of py_trees' `ForEach`. The list of this node is never in the tree file."""
+    """Return the outcome set of py_trees' `ForEach`, whose list is on the blackboard and therefore unknown."""
     return children[0] & (F | R) if sure else ALL
 
 

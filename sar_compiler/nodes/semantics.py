@@ -206,7 +206,7 @@ class Semantics(NamedTuple):
 
     @classmethod
     def restarts_child(cls, after: "Status | int", rounds: Number | str) -> "Semantics":
-        """Return the semantics of a decorator that restarts its child after a certain result.
+        """Return the semantics of a decorator that restarts its child after a given result.
 
         The decorator then returns RUNNING.
 

@@ -129,7 +129,7 @@ class ParameterRole(Enum):
 
 
 class Provenance(Enum):
-    """The source of a node's spec. It determines the severity of certain findings about the node."""
+    """The source of a node's spec. Some findings about the node, and their severities, depend on it."""
 
     INSTALLED = "an installed class"
     NAMED = "a named distribution"
@@ -355,7 +355,7 @@ class NodeSpec:
         writes: Further facts or blackboard keys that the node changes.
         semantics: How the node ticks its children, and how it uses time and the blackboard.
         skipping: How the node treats skipped ticks.
-        signature: Declarations about the attributes in addition to the constructor.
+        signature: Declarations about the attributes, in addition to those of the constructor.
         child_count: The minimum and maximum number of children (None: no limit); the default depends on the kind.
         variant: Whether the spec is an alternative for an existing tag; the attributes in a file select one of them.
         former_tags: The node's tags in earlier versions of BehaviorTree.CPP and py_trees.
@@ -443,10 +443,7 @@ class NodeSpec:
 
     @functools.cached_property
     def maker(self) -> Callable[..., Any] | None:
-        """The function that creates instances of the node, imported if necessary.
-
-        The function is the factory or the class.
-        """
+        """The factory or class that creates instances of the node, imported if necessary."""
         if self.signature.factory:
             return functools.partial(load(self.signature.factory), self)
         if not self._is_of_kernel:
@@ -606,7 +603,7 @@ class NodeSpec:
 
     @functools.cached_property
     def is_plain(self) -> bool:
-        """Whether the node is a leaf whose instances depend only on attribute values, but not on scripts."""
+        """Whether the node is a leaf that depends only on its attribute values, none of which is a script."""
         is_special = self.references or self.needs_context or self.takes_script or self.skips_by_itself
         return self.kind.is_leaf and self.rule is None and not is_special
 

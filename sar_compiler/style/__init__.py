@@ -83,9 +83,9 @@ LEVELS = (
     LevelStyle("done", "success", "✓"),
     LevelStyle("given-up", "failure", "✗"),
 )
-"""How each `Level` is drawn. The number of a level is its index."""
+"""The style for each `Level`. The number of a level is its index."""
 FOUND = LevelStyle("found", "warning", "!")
-"""How a detection is drawn. The sign is shown until a person has visited the location."""
+"""The style for a detection. The sign is shown until a person has visited the location."""
 _DONE, _GIVEN_UP = 2, 3
 
 MARKS: Mapping[str, str] = {
@@ -96,7 +96,7 @@ MARKS: Mapping[str, str] = {
 }
 """The outline of each landmark shape, as an SVG path 24 units wide around the origin. The default is a circle."""
 
-# The letter of a status, and its outline in a square of 16.
+# The letter of each status, and the outline of its mark, as an SVG path in a square of 16 units.
 _STATUSES = {
     "RUNNING": ("R", "M0.5 1.5 H10 L16 8 L10 14.5 H0.5 Z"),
     "SUCCESS": ("S", "M8 1 A7 7 0 1 1 7.99 1 Z"),
@@ -113,7 +113,7 @@ PROPERTIES = {
     "kept": LevelStyle("kept", "success", "✓"),
     "broken": LevelStyle("broken", "failure", "✗"),
 }
-"""How a monitored property is drawn, by verdict."""
+"""The styles for monitored properties, by verdict."""
 DECORATORS = {"↻": "runs its child again", "▣": "subtree", "◇": "another decorator"}
 """The meanings of the signs on decorators. All decorators have the same shape."""
 IN_TEXT = {"RUNNING": "[*]", "SUCCESS": "[✓]", "FAILURE": "[✕]", "SKIPPED": "[>]", "": "[-]"}

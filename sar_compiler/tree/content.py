@@ -14,7 +14,7 @@ MAX_ELEMENTS = 300_000
 """The maximum number of elements in a file. The parser rejects a file with more elements."""
 
 MAX_ATTRIBUTES = 1000
-"""The maximum number of attributes of an element. Each unknown attribute becomes a finding with a suggested name."""
+"""The maximum number of attributes of an element. It limits the search for names similar to unknown attributes."""
 
 _START = Span(1, 1, 1, 1)
 _MARK = "\ufeff"

@@ -118,7 +118,7 @@ def readable(tree_file: TreeFile) -> str:
 
 
 def escape_xml(written: str) -> str:
-    """Escape each & and < that is not escaped in a part of a value."""
+    """Escape each unescaped & and < in a part of a value."""
     return _RAW.sub(lambda raw: _replacement(raw[0]), written)
 
 

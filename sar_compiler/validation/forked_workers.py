@@ -32,7 +32,7 @@ class ForkedWorkers:
     They end with this process, even if this process is killed.
 
     Args:
-        work: Function that returns the text for a number, or None if this process must compute the text itself.
+        work: A function that returns the text for a number, or None if this process must compute the text itself.
         numbers: The numbers.
         max_sec: The maximum processor time of each worker, in seconds.
     """
@@ -114,7 +114,7 @@ class ForkedWorkers:
         The text is None if this process must compute it.
 
         Args:
-            is_over: Function that returns whether no more results are needed; called repeatedly.
+            is_over: A function that returns whether no more results are needed. It is called repeatedly.
         """
         while not is_over() and any(worker.pending for worker in self._workers):
             busy = {worker.results: worker for worker in self._workers if worker.pending}

@@ -301,7 +301,7 @@ class CheckRun:
 
     Args:
         files: The files.
-        make_checker: Function that creates the checker; called only if results are missing.
+        make_checker: A function that creates the checker. It is called only if results are missing.
         cache: The stored results; None if there is no cache.
         work: The limit for exploring the runs of a file, in units of work; None for no limit.
         budget: The limits of all checks together.
@@ -434,7 +434,7 @@ class FileChecker:
     Args:
         additions: The user's additions to the projects of the files.
         further_checks: Functions that return findings in addition to those of the rules.
-        try_runs: Function that explores the runs of a file within limits; None if runs are not explored.
+        try_runs: A function that explores the runs of a file within limits; None if runs are not explored.
 
     Attributes:
         surroundings: The file system queries of all checks so far, except for the queries in `sources` of each check.

@@ -24,7 +24,7 @@ The attributes are listed in the order in which a node evaluates them.
 """
 
 OutcomeSets = int
-"""A set of bits.
+"""Two outcome sets in one integer.
 
 The lower four bits are a node's possible results. The higher bits are the results that occur in some run.
 """

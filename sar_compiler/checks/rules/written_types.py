@@ -118,7 +118,7 @@ _PossibleValues: TypeAlias = tuple[_WrittenValue, ...] | None
 
 
 class _KeyWrite(NamedTuple):
-    """A place in the file where a node writes an entry.
+    """A location in the file at which a node writes an entry.
 
     Attributes:
         element: The element that contains the location.

@@ -149,7 +149,7 @@ def _may_share(first: EntryType, later: EntryType, key: str, collector: FindingC
 def can_share_key(first: Parameter, later: Parameter) -> bool:
     """Return whether sar_compiler lets a port share an earlier port's key.
 
-    Any port can read a string.
+    The types must be equal, unless the later port accepts any value, or the earlier port is untyped or for strings.
     """
     known, other = first.value_type.python, later.value_type.python
     return other is None or known in _TEXTS or known is other

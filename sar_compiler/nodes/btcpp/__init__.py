@@ -106,4 +106,4 @@ BUILT_IN = frozenset(
 """The nodes that BehaviorTree.CPP 4.10 registers."""
 
 DROPS_EXPLICIT = "ReactiveSequence"
-"""The control in which BehaviorTree.CPP 4.7 to 4.10 do not recognise nodes in explicit form that are direct children."""
+"""The control whose direct children BehaviorTree.CPP 4.7 to 4.10 do not recognise in explicit form."""

@@ -152,7 +152,7 @@ class _BtcppConverter:
         converted = self._element(draft)
         if policy is None:
             return converted
-        # The compiler gives the same name to the OneShot for the attribute.
+        # The compiler uses the same name for the OneShot that it creates from the attribute.
         return self._wrap_run_once(element, converted, f"{name}OneShot", policy)
 
     def _is_built_in(self, tag: str) -> bool:

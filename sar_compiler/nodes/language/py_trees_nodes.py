@@ -2,7 +2,7 @@
 
 The nodes keep their names, their arguments, and their treatment of unusual values (a count of 0 or below), as
 described in each spec. Only values that would raise an error in the middle of a run are rejected.
-There are two differences: the nodes use the keys of the tree, and none of their children may be skippable.
+The nodes differ from those of py_trees in two ways: they use the keys of the tree, and their children must not be skippable.
 
 A node that the installed py_trees lacks also has a spec, because the result of a check must not depend on the machine.
 """

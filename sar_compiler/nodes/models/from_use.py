@@ -76,7 +76,7 @@ class _NodeUse:
 
         Args:
             node: The element.
-            made: The keys of the element that a later node uses, but no earlier node.
+            made: The keys of the element that a later node uses, but no earlier node uses.
             types: The C++ types of the keys of known ports in the tree.
         """
         self.kinds.update([node.tag] if node.tag in KIND_TAGS else [])

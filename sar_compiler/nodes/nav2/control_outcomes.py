@@ -47,7 +47,7 @@ def pipeline(bound: NodeView, children: Sequence[int], sure: bool) -> int:
     found, comes_through = _sequential_results(children, F | R, S | K)
     if not comes_through:
         return found
-    # A child that runs while a later child was the furthest is not regarded as skipped.
+    # If an earlier child runs again while the others are skipped, the node succeeds: not all children are skipped.
     runs = sum(1 for child in children if child & R) > 1
     succeeds = union(children) & S or (runs and not sure)
     return found | (S if succeeds else 0) | intersection(children) & K
