@@ -175,7 +175,7 @@ def _undeclared_uses(spec: NodeSpec, part: _ParsedClass) -> Iterator[Diagnostic]
     kind = getattr(part.cls, "use_kind", "")
     if not kind or any(use.kind == kind for use in spec.uses) or (kind == "action" and _uses_nav2(spec)):
         return
-    *_, attribute = getattr(part.cls, "required_attributes", {"": ""})  # the attribute for the type, then the one for the name
+    *_, attribute = getattr(part.cls, "required_attributes", {"": ""})  # the last one contains the name
     name = getattr(part.cls, attribute, "")
     shown = repr(name) if name else '"…"'
     message = f"<{spec.tag}>: {part.cls.__name__} needs the {kind} {shown}, but its registration does not list it in 'uses'"
