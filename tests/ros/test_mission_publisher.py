@@ -197,6 +197,18 @@ def test_markers_show_landmarks_and_the_plan(publish, witness):
     assert {marker.header.frame_id for marker in (form, text, plan)} == {"map"}
 
 
+def test_who_comes_late_is_not_shown_an_earlier_state(publish, witness, ros):
+    from visualization_msgs.msg import MarkerArray
+
+    runner, publisher = publish('<Queue answers="R"/>')
+    for state in ("in progress", "visited"):
+        publisher.on_entry(entry("changed", landmarks=[{**ZONE, "state": state}]))
+        runner.tick()
+    seen = witness.listen(MarkerArray, "/robot1/mission/markers", latched=True)
+    ros.spin_until(lambda: seen, "the markers")
+    assert [marker.text for marker in seen[0].markers if marker.text] == ["zone_a\nvisited"]
+
+
 @pytest.mark.parametrize("points", [[], [[0.0, 0.0]], [[0.0, 0.0], [float("inf"), 0.0]]])
 def test_a_plan_that_is_no_line_has_no_marker(points, publish, witness):
     from visualization_msgs.msg import MarkerArray
