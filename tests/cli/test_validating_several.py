@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from sar_compiler import terminal
+from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, Span
+from sar_compiler.tree.model import NO_SPANS
 from tests.cli import running
 from tests.processes import BIN
 from tests.trees import document
@@ -254,6 +256,17 @@ def test_a_finding_without_colours_is_the_same_text(capsys, monkeypatch):
     for number in ("1", "1;31", "2", "32", "0"):
         coloured = coloured.replace(f"\x1b[{number}m", "")
     assert (coloured, len(plain.splitlines()[1])) == (plain, 128)
+
+
+@pytest.mark.parametrize(
+    ("severity", "style"), [(Severity.ERROR, "1;31"), (Severity.WARNING, "1;33"), (Severity.INFO, "1;36")]
+)
+def test_each_severity_has_a_colour(monkeypatch, severity, style):
+    monkeypatch.setenv("CLICOLOR_FORCE", "1")
+    source = Source("a.xml", "<a/>", NO_SPANS)
+    finding = Diagnostic("unknown-node", "no node", source, Span(1, 1, 1, 5), severity=severity)
+    coloured = terminal.findings_as_text([finding], TextIOWrapper(BytesIO()))
+    assert f"\x1b[{style}m{severity.value}[unknown-node]" in coloured
 
 
 def test_a_folder_hides_the_shipped_tree_of_its_name_only_if_it_has_trees(capsys):
