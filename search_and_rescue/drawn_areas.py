@@ -25,7 +25,7 @@ _DIGITS = 3
 
 
 class DrawingError(ValueError):
-    """An error: an area is rejected. The message contains the reason and the remedy."""
+    """The operator's area is rejected. The message contains the reason and the remedy."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ their charge with about this resolution."""
 RISE_SHARE = 0.03
 """If the charge rises by at least this share, the battery is assumed to have been charged or swapped."""
 
-# Weight of the prior: as much as an observed consumption of this share by driving, and of the same share by time.
+# The prior has the weight of one observed consumption of this share by driving, and one of the same share by time.
 _PRIOR_SHARE = 0.03
 # The weight of an observation falls to 1/e after an expected consumption of this share.
 _MEMORY_SHARE = 0.5

@@ -34,7 +34,7 @@ class OperatorCommands:
         held: Whether the mission is paused.
         plan_change: Description of the last change of the plan that `NotHeld` has not processed; empty if there is none.
         has_skipped: Whether a zone was skipped since `NotHeld` last processed a change of the plan.
-        journal: Records the commands that change the mission's mode. Commands on zones and survivors are recorded by the owners of these.
+        journal: Records the commands that change the mission's mode. The `ZoneManager` and the `MissionRecord` record the other commands.
     """
 
     def __init__(self) -> None:

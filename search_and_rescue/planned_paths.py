@@ -44,7 +44,7 @@ class PathRequests:
     ) -> None:
         self._zones, self._timeout_sec, self._planner_id, self._wake = zones, timeout_sec, planner_id, wake
         self._planner = ActionQueries(node, "nav2_msgs/action/ComputePathToPose", _ACTION)
-        # The planner needs the same real time if simulated time runs faster.
+        # The deadline is in real time, because fast simulated time does not make the planner faster.
         self._due = Deadline(0.0)
         self._paths: Sequence[PosePair] = ()
         self._open: list[PosePair] = []

@@ -61,7 +61,7 @@ CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
 """The kind of landmark that is displayed if there are charging places."""
 # Maximum number of lines of the order of visits in the log.
 _MAX_LINES = 20
-# Alarm level of a return home after which the mission continues; the number is that of a warning in the log.
+# The alarm level of a return home after which the mission continues, which is the level of a warning in the log.
 _WARNING = 30
 BASE = "base station"
 """The name of the base station in the display."""
@@ -220,7 +220,7 @@ class Search(MissionRun):
         )
 
     def _objects(self, phase: MissionPhase) -> dict[str, str]:
-        """Return what each command applies to, such as the current zone for `skip_zone`."""
+        """Return the object of each command, such as the current zone for `skip_zone`."""
         zones, plan = self.zones, ", ".join(self._plan)
         state = " ".join(filter(None, (phase.name or "active", phase.reason)))
         return {

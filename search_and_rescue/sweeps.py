@@ -31,7 +31,7 @@ _Point = tuple[float, float]
 
 
 class GroundError(ValueError):
-    """An error: the ground cannot be swept with the chosen pattern and spacing."""
+    """The ground cannot be swept with the chosen pattern and spacing."""
 
 
 def sweep(

@@ -51,7 +51,7 @@ def conform_runs(arguments: argparse.Namespace) -> int:
     for journal in arguments.journals:
         arguments.model += _palettes_of(journal)
     (tree,) = load_checked(arguments, arguments.file)
-    # The comparison never checks whether to stop.
+    # The comparison does not check the budget, so it is abandoned without a grace period.
     budget = budget_of(arguments, patience_sec=0.0)
     runs = [_compared_run(place, tree, budget, arguments) for place in arguments.journals]
     show = views.runs_as_json if arguments.format == "json" else views.runs_as_text

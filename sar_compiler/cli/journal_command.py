@@ -22,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command `sar-journal`.
 
     Args:
-        argv: The arguments without the command's name; by default the process's.
+        argv: The arguments without the command's name; by default those of the process.
 
     Returns:
         The exit status: 0; 1 if a report could not be written, or a journal was altered; 2 for wrong usage, or an unreadable or invalid file.
@@ -83,7 +83,7 @@ def _replay(options: argparse.Namespace) -> None:
     from sar_compiler.web.run_page import replay_journals
 
     interruptible()
-    with suppress(KeyboardInterrupt):  # the regular end
+    with suppress(KeyboardInterrupt):  # the usual end of the command
         replay_journals(options.journals, options.web_port, opens=options.open)
 
 

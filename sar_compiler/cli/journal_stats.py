@@ -67,7 +67,7 @@ def node_identities(tree: Any) -> list[tuple[str, int, str, Any]]:
 
 
 def nodes_difference(old: Sequence[tuple[Any, ...]], new: Sequence[tuple[Any, ...]]) -> str:
-    """Describe the first difference between two trees, whose nodes `node_identities` has returned."""
+    """Describe the first difference between two trees, given the results of `node_identities` for them."""
     for was, now in zip(old, new, strict=False):
         if was[:3] != now[:3]:
             return f"'{now[0]}' ({now[2]}) replaces '{was[0]}' ({was[2]})"

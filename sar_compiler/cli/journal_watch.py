@@ -46,7 +46,7 @@ def _watch(options: argparse.Namespace) -> None:
             "--journal needs --topic or --groot2, because a run that is shown from its journal already has a journal"
         )
     interruptible()
-    with suppress(KeyboardInterrupt):  # the regular end
+    with suppress(KeyboardInterrupt):  # the usual end of the command
         if options.journals:
             from sar_compiler.web.run_page import watch_journals
 

@@ -39,7 +39,7 @@ def add_why(parser: argparse.ArgumentParser) -> None:
 def print_explanation(options: argparse.Namespace) -> int:
     """Print why the last run of a mission failed, and which outcomes would have made it succeed.
 
-    If another run is given, also print how it differs.
+    If another run is given, also print the first difference between the two runs.
 
     Returns:
         0; 130 if Ctrl-C has ended the search for outcomes that would have led to success.
@@ -59,7 +59,7 @@ def print_explanation(options: argparse.Namespace) -> int:
             print_text(refused.sentence)
         return OK
     with JournalFile.open_snapshot(options.journal) as file:
-        # The explanation never checks whether to stop.
+        # The explanation does not check the budget, so it is abandoned without a grace period.
         budget = budget_of(options, patience_sec=0.0)
         explained = Explanation.explain(
             file, workspace(options), options.tree_file, is_gone=not file.is_written, budget=budget

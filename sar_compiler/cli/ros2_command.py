@@ -26,7 +26,7 @@ _COMMANDS = {
     "skip": "skip the current task of a mission",
     "abort": "end a mission; its robot stays where it is",
 }
-# No argument starts with this prefix, so argparse parses none as an option and passes all on to the command.
+# No argument starts with this prefix, so argparse finds no options and passes all arguments on to the command.
 _NO_PREFIX = "\0"
 
 

@@ -78,7 +78,7 @@ def run_with_ros(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) 
     Returns:
         The exit status.
     """
-    # Before any slow step, so that Ctrl-C always ends the command gracefully.
+    # Signals are handled before any slow step, so that Ctrl-C always ends the command gracefully.
     signals = StopSignals()
     try:
         return run(lambda: _run(argv, signals, ros, stepped), PROG)

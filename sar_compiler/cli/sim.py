@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command `sar-sim`.
 
     Args:
-        argv: The arguments without the command's name; by default the process's.
+        argv: The arguments without the command's name; by default those of the process.
 
     Returns:
         The exit status: 0, also after SIGINT or SIGTERM; 2 for wrong usage or input.
@@ -141,7 +141,7 @@ def _map(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
-    # Before any slow step, so that Ctrl-C always ends the command gracefully.
+    # Signals are handled before any slow step, so that Ctrl-C always ends the command gracefully.
     signals = StopSignals()
     require_middleware()
     from sar_compiler.execution.sim_isolation import require_isolation

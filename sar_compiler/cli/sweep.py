@@ -149,11 +149,11 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRu
         scenario: Mapping[str, object] = {}
         if path is not None:
             if not arguments.vary:
-                # Reports errors in the scenario at their locations.
+                # Without varied values, errors are reported at their lines in the file.
                 for finding in read_scenario(path, stage).scenario.warnings:
                     print_error(finding.render())
             document = read_yaml(path, SCENARIO, "")
-            # Values are checked only in the changed scenario of each combination, which has different line numbers.
+            # The values are checked later, in the scenario of each combination. Its line numbers differ from those of the file.
             document.validate("scenario")
             document.raise_findings()
             scenario = document.root.data

@@ -100,7 +100,7 @@ def _json_text(values: Any) -> str:
 
 
 def _hex_list(value: bytes) -> list[str]:
-    """Convert bytes, which only an altered journal contains, to a JSON value that no valid entry contains."""
+    """Convert bytes to a JSON value that no valid entry contains. Only an altered journal contains bytes."""
     return [value.hex()]
 
 
@@ -143,7 +143,7 @@ def chain_entries(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
     ).fetchall()
     marks = deque(mark for index, row in enumerate(rows) for mark in _marks(row, () if index else of_mission))
     for entry in connection.execute(_ENTRIES):
-        # A number of another type, which is an error, cannot be compared.
+        # In an altered journal, the number may have a type that cannot be compared.
         while marks and not (isinstance(marks[0][1], int) and marks[0][1] >= entry[1]):
             yield marks.popleft()
         yield entry
@@ -219,5 +219,5 @@ def last_position(connection: sqlite3.Connection) -> ChainPosition:
     runs = "SELECT link, closed, began_behind FROM run ORDER BY number DESC LIMIT 1"
     link, closed, behind = connection.execute(runs).fetchone() or (START, None, -1)
     found = closed or (link if behind == entry[0] else entry[1])
-    # If the last link was altered, the links of all new entries are wrong in any case.
+    # A last link that is not bytes was altered. The links after it are then wrong, whatever the predecessor.
     return ChainPosition(found if isinstance(found, bytes) else START, entry[0])

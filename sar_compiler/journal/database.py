@@ -50,12 +50,12 @@ from sar_compiler.opener import (
 )
 from sar_compiler.resources import state_folder
 
-# Why a commit works as it does.
+# How an event survives a crash, and why commits work in this way.
 #
 # A mission writes an event *before* its effect: first "photo 1 was taken", then the picture and its message. If the process is
-# killed in between, the next run repeats the effect under the same name, which the receiver knows. In the opposite order a receiver
-# could have got a name that the next run assigns to something else. So `write` returns when an event is on disk, and the tick waits
-# for it. Statuses and poses are far more frequent, and resuming does not need them, so they are not synced one by one.
+# killed in between, the next run repeats the effect under the same name, which the receiver knows. In the opposite order, a receiver
+# could know a name that the next run assigns to another picture. So `write` returns only when an event is on disk, and the tick waits
+# for `write`. Statuses and poses are far more frequent, and resuming does not need them, so they are not synced one by one.
 #
 # Both go into one file, by SQLite's write-ahead log. `synchronous` is chosen for each transaction: FULL syncs the log
 # with the commit, NORMAL leaves that to a later sync. A NORMAL commit has been handed to the kernel, so SIGKILL loses
@@ -69,7 +69,7 @@ from sar_compiler.resources import state_folder
 # person's open `sqlite3` shell must not stop a robot's mission. A lock, a full disk and a quota are handled alike: the transaction
 # has failed, and none of its rows is in the file. `Journal` keeps the rows with their numbers, events also in the reserve, and
 # writes them again in one transaction, in order. If a transaction could be applied in part, a second attempt would write rows
-# twice, or omit them. The ROLLBACK may fail, because SQLite has already rolled back on a full disk; that is no second error.
+# twice, or omit them. On a full disk, SQLite has already rolled back, so the ROLLBACK fails; this failure is ignored.
 #
 # A process can die after the commit and before its reserve is emptied. So `_write_spilled` skips events whose numbers are
 # already in the file.
@@ -110,13 +110,13 @@ CREATE TABLE watched (
 CREATE INDEX watched_by_kind ON watched (kind);
 """
 
-# One transaction, so that a process that dies in it leaves an empty file.
+# A single transaction: if the process dies during it, the file stays empty.
 _CREATE_SCHEMA = f"BEGIN IMMEDIATE; {_SCHEMA} PRAGMA user_version = {VERSION}; COMMIT;"
 
 _RUNS = "SELECT number, began, about, ended, ending, status, reason, hex(closed) FROM run ORDER BY number"
 _ENTRIES = "SELECT number, run, wall, time, kind, data FROM"
 
-# The limit of SQLite's steps in one read: a constant plus a number per byte of the file, about twenty times what a read needs.
+# The maximum number of SQLite's steps in one read, about twenty times the usual number: a constant plus a number per byte of the file.
 _STEPS, _STEPS_PER_BYTE = 2_000_000, 20
 
 # The number of attempts while another process may be testing the lock, and their interval.
@@ -408,7 +408,7 @@ class JournalFile:
         return self._read(f"watched WHERE kind IN ({_placeholders(kinds)})" if kinds else "watched", kinds)
 
     def stream(self, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries in order, as a listener receives them, except observations of the kinds *without*."""
+        """Yield all entries in order, as listeners receive them. Omit observations of the kinds *without*."""
         for number, entry in enumerate(self.every_run(without=without), 1):
             yield JournalEntry(number, *entry[1:])
 
@@ -422,7 +422,7 @@ class JournalFile:
                 yield from self._run_entries(run, without, is_condensed=is_condensed)
 
     def stream_after(self, after: StreamPosition, *, without: Sequence[str] = ()) -> Iterator[JournalEntry]:
-        """Yield all entries after a position in order, except observations of the kinds *without*."""
+        """Yield all entries after a position in order. Omit observations of the kinds *without*."""
         with self.snapshot():
             for run in self.runs():
                 if run.number >= after.run:
@@ -657,8 +657,8 @@ class JournalFile:
 
         When this function returns, events and end are safe on disk.
 
-        The function does not wait. It raises an error, and no row is written, if another process has locked the file or the file
-        cannot be written.
+        The function does not wait for locks. If another process has locked the file, or the file cannot be written, the function
+        raises an error and writes no row.
         """
         link, number = self._last_position()
         added: dict[bytes, list[tuple[object, ...]]] = {FACT: [], WATCHED: []}
@@ -697,7 +697,7 @@ class JournalFile:
             raise
 
     def move(self, path: Path) -> None:
-        """Close and rename the journal. Also rename the files beside it that belong to it.
+        """Close and rename the journal, with its reserve file and the files that SQLite has created beside it.
 
         Raises:
             JournalError: If the new name exists, or the file cannot be renamed.
@@ -714,7 +714,7 @@ class JournalFile:
             self.close()
 
     def remove(self) -> None:
-        """Close and delete the journal. Also delete the files beside it that belong to it."""
+        """Close and delete the journal, with its reserve file and the files that SQLite has created beside it."""
         with self._limit_reading():
             self._connection.close()
             for ending in ("", *_SIDECARS):
@@ -862,12 +862,12 @@ class _QueryBudget:
 
     @property
     def was_interrupted(self) -> bool:
-        """Whether an aborted read was aborted for another reason than the limit, such as Ctrl-C."""
+        """Whether the read was aborted for a reason other than the limit, such as Ctrl-C."""
         return self._left >= 0
 
 
 def _connect(target: str | Path, **options: Any) -> sqlite3.Connection:
-    # Only explicit statements start and end transactions. The timeout is for readers, which block the file only briefly.
+    # Only explicit statements start and end transactions. The timeout is long enough, because readers block the file only briefly.
     connection: sqlite3.Connection = sqlite3.connect(target, timeout=5.0, isolation_level=None, **options)
     connection.execute("PRAGMA trusted_schema = OFF")
     connection.execute("PRAGMA cell_size_check = ON")

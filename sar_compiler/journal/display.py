@@ -28,7 +28,7 @@ _IDENTIFYING_CORNERS = 8
 
 
 class Level(IntEnum):
-    """How far a mission has dealt with a landmark. The level determines the colour of the landmark."""
+    """The progress of a mission at a landmark. It determines the colour of the landmark."""
 
     TO_COME = 0
     IN_HAND = 1
@@ -51,8 +51,8 @@ class LandmarkKind(NamedTuple):
         is_end: Whether the robot must end its mission at a landmark of this kind, so that no person has to
             fetch the robot.
         review: The name of the operator's command that reviews a detection; empty if there is no such command.
-        remedy: The task for a person after the robot has abandoned a landmark, as an imperative before the landmark's name, such as
-            `Send people to`.
+        remedy: The beginning of a person's task after the robot has abandoned a landmark, such as `Send people to`. The landmark's
+            name follows.
     """
 
     name: str
@@ -71,7 +71,7 @@ class EventTime(NamedTuple):
 
     Attributes:
         run: The number of the run, from 1.
-        time: The time of the mission's clock, in seconds; in the state of a mission, relative to the start of the run.
+        time: The time of the mission's clock, in seconds; in a `MissionState`, relative to the start of the run.
         wall: The time of the system's clock, in seconds since 1970.
     """
 
@@ -259,8 +259,8 @@ class Display(NamedTuple):
     """Everything that a mission displays at one time.
 
     Attributes:
-        objects: The objects of commands, by the command's name: the location that would be skipped, or the state that would be resumed.
-            A command is refused if its object has changed since the operator saw it.
+        objects: The object of each command, by the command's name, such as the location that the operator can skip. A command is
+            refused if its object has changed since the operator saw the object.
     """
 
     landmarks: Sequence[Landmark] = ()
@@ -347,8 +347,8 @@ class DisplayState:
     """What a mission displays, computed from the `changed` entries of the mission's journal.
 
     Args:
-        starts: The start of each run by its number, in seconds of the mission's clock. The times in details become relative to the start of
-            their run.
+        starts: The start of each run by its number, in seconds of the mission's clock. Times in the details of landmarks are converted
+            to times since the start of their run.
 
     Attributes:
         kinds: The kinds of landmarks, by name.

@@ -6,7 +6,7 @@ from sar_compiler.errors import SarError
 class JournalError(SarError):
     """A journal cannot be used, or must not be used as requested.
 
-    The robot has not moved because of the request.
+    The refused request has not moved the robot.
     """
 
 

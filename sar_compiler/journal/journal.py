@@ -1,4 +1,4 @@
-"""The journal of the running mission."""
+"""Records the events and observations of the running mission."""
 
 import os
 import re
@@ -62,7 +62,7 @@ class FactState(Protocol):
 
 
 class SentGoal(NamedTuple):
-    """A goal that a run has sent, and whose end no run has observed.
+    """An action goal that a run has sent, and whose end no run has recorded.
 
     Attributes:
         action: The action's full name.
@@ -433,7 +433,7 @@ class Journal:
     def _notify(self, entry: JournalEntry) -> None:
         """Pass an entry to the listeners. Entries are numbered in the order in which they are passed."""
         if self._listeners:
-            # Without a file, too, a value that is not JSON raises an error.
+            # A value that is not JSON also raises an error if there is no file.
             if not self._is_written:
                 json_text(entry.data)
             self._notified_count += 1

@@ -9,7 +9,7 @@ GOAL_SENT, GOAL_ENDED = "goal_sent", "goal_ended"
 """The kinds of entries about the action goals that leaves send. Missions define further kinds of entries."""
 
 FACTS_LOST = "facts_lost"
-"""The kind of an event that stands for events that could not be written. Its data are the `count` of lost events, and
+"""The kind of an event that replaces events that could not be written. Its data are the `count` of lost events, and
 the highest `numbers` in use (`Journal.store_highest_number`)."""
 
 RUN_BEGAN = "run_began"

@@ -106,7 +106,7 @@ class NodeEnds:
         return self._gone.get(number, began) >= began
 
     def failed_before(self, number: int) -> Iterator[int]:
-        """Yield the siblings before a node that failed in this activation, so that the node was ticked."""
+        """Yield the earlier siblings whose failure in this activation led to the tick of a node."""
         parent = self._nodes[number].parent
         if parent is None:
             return

@@ -90,7 +90,7 @@ def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
     """Yield the tasks about the robot, and about the process that controls the robot."""
     now, run = condition(state), state.runs[-1]
     if "imported" in run.about:
-        return  # nobody can command another program's robot from its record
+        return  # an imported recording does not allow commands to its robot
     if now.word == LOST or (now.word == CRASHED and state.goals) or (run.ending and state.goals):
         yield OpenTask(ERROR, _STOP_BUTTON)
     elif now.word == CRASHED:

@@ -93,7 +93,7 @@ def entries_of(  # noqa: C901, PLR0912, PLR0915 - without calls, because a long 
         number, run, wall, time, kind, data = row
         status: _StatusText | None = None
         if kind == STATUS and type(data) is str:
-            # The project writes the node, the tick, and the status with the other values; most of these texts are cached.
+            # The project writes the node and the tick first. The text that follows, with the status, is cached in most cases.
             head, _, text = data.partition(_STATUS)
             node_text, _, now_text = head.partition(_TICK)
             if now_text != tick_text:

@@ -146,7 +146,7 @@ def choose_mission(
         (bound, {each.target for each in bound.spec.handed_over} - _OF_EVERY_TREE)
         for bound in binding.all_nodes()
     ]
-    # If no leaf requires such an object, no mission is imported.
+    # If no leaf requires a context object of a mission, no mission is imported.
     missions = [*load_missions(checkout).values()] if any(types for _, types in required_types) else []
     first: dict[Mission, BoundNode] = {}
     for bound, types in required_types:

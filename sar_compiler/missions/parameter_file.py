@@ -2,8 +2,8 @@
 
 ROS's parser (the parser of rcl, based on libyaml) accepts only a part of YAML, reports no column, and
 silently misreads or ignores some content. This check rejects all content that the parser would reject,
-misread or ignore, no matter to which node the content applies. It accepts all other content. The parser also
-has its own rules for which scalars are numbers.
+misread or ignore, no matter to which node the content applies. It accepts all other content. The types of
+scalars follow the rules of ROS's parser, not those of YAML.
 """
 
 import difflib

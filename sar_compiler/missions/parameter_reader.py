@@ -173,7 +173,7 @@ class ParameterReader:
             place: File, line and column of the error; by default those of the parameter.
         """
         problem = ParameterProblem(key, text, place or self.place_of(key))
-        # A mission may read a parameter that every run reads, too.
+        # The mission and the run may both read a parameter. Its error is reported only once.
         if problem not in self.problems:
             self.problems.append(problem)
 
@@ -487,7 +487,7 @@ class RunParameters:
         startup_timeout_sec: The maximum wait for the tree's requirements before the first tick, in seconds.
         time_limit_sec: The time limit of the run, in seconds of the node's clock; None for no limit.
         robot_radius_m: The radius of the robot's body, for planning before the run, in metres.
-        cruise_speed_mps: The speed at which estimates of time assume the robot to drive, in m/s.
+        cruise_speed_mps: The robot's speed that estimates of driving time assume, in m/s.
         settle_timeout_sec: The maximum wait until the goals have ended when the run is stopped, in seconds.
         blocked_tick_timeout_sec: The time for which a leaf may block a tick before the goals are cancelled, in seconds of the steady clock.
         arrival_tolerance_m: The distance from the goal within which the robot counts as arrived, in metres;

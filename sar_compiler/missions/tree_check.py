@@ -9,13 +9,13 @@ from sar_compiler.tree.diagnostic import Diagnostic, TreeError
 def check_mission(tree: ProjectTree) -> list[Diagnostic]:
     """Return a finding if the leaves of the main tree belong to several missions.
 
-    If the tree has errors, there is no such finding.
+    If the tree has errors, the result is empty.
 
     Raises:
         MissionError: If the mission that the user has named does not exist, or a mission cannot be imported.
     """
     project = tree.project
-    # If only one mission is installed, the leaves cannot belong to several missions, so it need not be imported.
+    # If only one mission is installed, the leaves cannot belong to several missions, so the mission need not be imported.
     if project.additions.mission is None and len(entry_points(ENTRY_POINTS, project.checkout)) < 2:  # noqa: PLR2004
         return []
     try:

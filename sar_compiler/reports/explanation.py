@@ -210,7 +210,7 @@ def _add_palettes_of(state: "MissionState", projects: "Workspace") -> "Workspace
 def candidate_trees(
     state: "MissionState", projects: "Workspace", tree_file: Path | None = None
 ) -> "Iterator[SimulatedTree]":
-    """Yield the last run's tree with stub leaves: first with assumed limits of facts, then without.
+    """Yield the last run's tree with stub leaves: first with assumed limits on how often events occur, then without.
 
     Raises:
         GoneTreeError: If the tree file is unknown or missing.

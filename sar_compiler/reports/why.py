@@ -279,7 +279,7 @@ class FailureAnalysis:
         is_meant_so = cause.node in self._explained.responses
         tolerated, worked = cause.node in history.tolerated, cause.node in history.worked
         number = -1 if cause.node is None else cause.node
-        # A success explains a failure only below a node that turns it.
+        # A success explains a failure only below a node that inverts it.
         is_turned = cause.status != FAILURE
         return is_meant_so, is_turned, self._only_reports(cause), tolerated, not worked, -since, -number
 
@@ -512,7 +512,7 @@ class _ExplainedFailure:
             above = parent if is_cause and self.ends.status.get(parent or 0) == FAILURE else None
 
     def earlier_failed_nodes(self, number: int) -> list[int]:
-        """Return the nodes that failed before a node that has ended, so that this node was ticked."""
+        """Return the nodes whose failures led to the tick of a node that has ended."""
         return [
             each
             for node in self.explained_ancestors(number)
@@ -521,7 +521,7 @@ class _ExplainedFailure:
         ]
 
     def results_leading_to(self, number: int) -> list[int]:
-        """Return the results because of which a running node was ticked after its earlier siblings had failed."""
+        """Return the results that made the earlier siblings of a running node and of its ancestors fail."""
         found: list[int] = []
         above: int | None = number
         while above is not None:
@@ -612,7 +612,7 @@ class _History:
 
     def add_change(self, state: MissionState) -> None:
         """Process a change of the mission's state. *state* is the state after the change."""
-        # A tick's statuses are written after its events, after which the mission may have left the location.
+        # The statuses of a tick are written after its events. The mission may then already have left the location.
         landmarks, place = state.situation.landmarks.values(), state.situation.phase.place
         if any(each.name == place and each.level == Level.IN_HAND for each in landmarks):
             self._in_hand = place

@@ -257,7 +257,7 @@ class BtNavigator:
         self._faults = navigation.faults.for_navigation()
         self._back_at: float | None = None
         self._goal: _Goal | None = None
-        # A drive that continues after its goal has ended, with the time of its end, and the delayed goal responses with their times.
+        # A drive that outlasts its goal, with the time at which it ends, and the delayed goal responses, with their times.
         self._orphaned_drive: tuple[Drive, float] | None = None
         self._delayed: list[tuple[float, Future]] = []
         self._server: ActionServer | None = None
@@ -271,7 +271,7 @@ class BtNavigator:
         return self._active_at is not None and self._now >= self._active_at
 
     def step(self, step: int, now_ns: int) -> None:
-        """Do the work that is due at the simulated time *now_ns*, in nanoseconds."""
+        """Advance the navigation to the simulated time *now_ns*, in nanoseconds."""
         self._now = now_ns / 1e9
         if self._server is None:
             if self._back_at is not None and self._now >= self._back_at:
@@ -325,7 +325,7 @@ class BtNavigator:
             f"{self.node_name}/get_state",
             lambda _, response: set_lifecycle_state(response, active=self.active),
         )
-        # Lets other nodes stop a drive without a goal, as with Nav2's controller_server.
+        # With this service, other nodes can stop a drive whose goal has ended, as with Nav2's controller_server.
         self._node.create_service(CancelGoal, f"{FOLLOW}/_action/cancel_goal", self._on_stop)
         self._server = serve_goals(self._node, NavigateToPose, NAVIGATE, self._on_goal, self._on_accepted)
         self._through = serve_goals(

@@ -121,7 +121,7 @@ def _number(parameters: dict[str, object], name: str, default: float) -> float:
     return float(value) if isinstance(value, (int, float)) else default
 
 
-# The minimum movement (metres, radians) in a simulated time (seconds) without which the robot counts as stuck.
+# The robot counts as stuck if it moves and turns less than this (metres, radians) in this simulated time (seconds).
 _MOVE, _TURN, _PATIENCE_SEC = 0.2, 0.4, 10.0
 # The speed that time estimates assume for a standing robot, m/s.
 _CRUISE = 0.4

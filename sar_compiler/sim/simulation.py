@@ -185,7 +185,7 @@ class SimulatedRobot:
 
 STEP_NS = 50_000_000
 STEP_SEC = STEP_NS / 1e9
-# The maximum delay of the machine with which the simulation catches up, seconds of wall time.
+# The maximum delay for which the simulation catches up, seconds of wall time.
 _CATCH_UP_SEC = 0.05
 # The number and the minimum duration (seconds of wall time) of the executor rounds after the end of the simulation, in which the ends of
 # goals reach their clients.
@@ -270,7 +270,7 @@ class Simulation:
         self._clock = self._clock_node.create_publisher(Clock, "/clock", 10)
         self._listener: ROSClock | None = None
         self._jumps: JumpHandle | None = None
-        # Without a map, another process serves the navigation, whose server may restart while the graph still contains the old server.
+        # Without a map, another process serves the navigation. If it restarts, the graph contains its old server for some time.
         self._actions = [robot.action for robot in robots if navigation is not None]
         self._robots: dict[str, SimulatedRobot] = {}
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):

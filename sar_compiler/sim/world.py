@@ -129,7 +129,7 @@ class Solid:
             normal, distance = self.offsets(start[0] + gone * along_x, start[1] + gone * along_y)
             nearing = -(normal[:, 0] * along_x + normal[:, 1] * along_y)
             gap = distance - radius
-            # Because of rounding errors, a slide along a wall is a very flat approach, for which a tiny part of the gap is left unused.
+            # Rounding errors make a slide along a wall a very flat approach to the wall, so a tiny part of the gap stays unused.
             spare = np.where(gap > _TOUCH / 2, np.maximum(gap - _TOUCH, _GRAIN), 0.0)
             ahead = nearing > 0.0
             with np.errstate(over="ignore"):

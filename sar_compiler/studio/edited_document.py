@@ -84,7 +84,7 @@ class EditedDocument:
         return {"version": _version(data)}
 
     def is_changed(self, version: str) -> bool:
-        """Return whether the file on the disk has another version than the given one."""
+        """Return whether the version of the file on the disk differs from the given version."""
         return _version(read_file(self.path, TREE).data) != version
 
 

@@ -141,7 +141,7 @@ class Studio:
         try:
             sketch = loaded.sketch(shown)
         except TreeError as error:
-            # A file of models is correct, but has no tree to draw.
+            # A file that contains only node models is valid, but has no tree to draw.
             reasons = [each for each in error.findings if each not in findings]
             result["findings"] += self._findings(loaded, parsed, reasons, offset)
             return result
@@ -169,7 +169,7 @@ class Studio:
         return {"name": f"{sketch.name}.svg", "text": svg(sketch)}
 
     def compare(self, version: str) -> object:
-        """Return whether the file has changed on the disk, and whether other files of its project have."""
+        """Return whether the file has changed on the disk, and whether other files of its project have changed."""
         stamps = {path: _stamp(path) for path in self._stamps}
         others_have_changed = stamps != self._stamps
         if others_have_changed:
@@ -246,7 +246,7 @@ class Studio:
         ticks: int = 6,
         leaves: Mapping[str, Iterable[str]] | None = None,
     ) -> object:
-        """Return the first ticks of a run in which named leaves have the given outcomes, in their order."""
+        """Return the first ticks of a simulated run in which the named leaves return the given outcomes in order."""
         chosen = {name: list(each) for name, each in (leaves or {}).items()}
         script = {"leaves": chosen, **({"tree": tree} if tree else {})}
         loaded = self._load(text)

@@ -64,7 +64,7 @@ def difference(old: TreeFile, new: TreeFile) -> list[Difference]:
 
 
 def _renames_type(one: Difference) -> bool:
-    """Return whether two nodes differ only in that a port type has another name."""
+    """Return whether a difference is only another name of the same port type."""
     return (
         one.what == "type"
         and one.new is not None
@@ -102,7 +102,7 @@ def _child(node: ComparedNode, stayed: set[ComparedNode]) -> Iterator[Difference
 
 
 def _inside_added(node: ComparedNode) -> Iterator[Difference]:
-    """Yield the differences of nodes that were moved into an added node from other places."""
+    """Yield the differences of nodes that already existed and were moved into an added node."""
     if node.partner is not None:
         yield from _child(node, set())
         return
@@ -128,7 +128,7 @@ def _change(
 
 
 def _count(node: ComparedNode) -> int:
-    """Count the descendants of a node that have no partner. The given node has no partner, either."""
+    """Count the descendants that were added or removed together with an added or removed node."""
     return sum(1 + _count(child) for child in node.children if child.partner is None)
 
 

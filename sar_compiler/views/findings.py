@@ -80,7 +80,7 @@ def plain_text(page: str, paint: Callable[[str, str], str]) -> str:
 
     Args:
         page: The page, in Markdown.
-        paint: Returns a text in the colours of a kind of text; headings are of the kind `place`.
+        paint: Colours a text, given the kind of the text. Headings have the kind `place`.
     """
     lines, is_code = [], False
     for line in page.splitlines():

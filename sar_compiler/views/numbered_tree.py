@@ -37,7 +37,7 @@ class NumberedNode(NamedTuple):
         parent: The number of the parent node; 0 for the root.
         behaviour: The node's behaviour; the outermost wrapper if conditions are wrapped around the node.
         inner: The node's behaviour without the wrappers of its conditions.
-        made: The construction of `inner`.
+        made: The record of how `inner` was constructed.
     """
 
     uid: int

@@ -38,9 +38,9 @@ from sar_compiler.web.replay import Replay
 
 # The intervals between updates, and between heartbeats to a page, in seconds.
 _UPDATE_SEC, _BEAT_SEC = 0.1, 1.0
-# The number of entries that are processed without a break, because processing holds Python's lock for some milliseconds.
+# The number of entries that are processed before other tasks can run. Processing them holds Python's lock for some milliseconds.
 _AT_ONCE = 100
-# The number of waiting characters at which a browser that does not read is disconnected. The browser then reconnects.
+# The length of a browser's queue, in characters, at which the browser is disconnected. The browser then reconnects.
 _MAX_WAITING = 8_000_000
 
 
@@ -180,7 +180,7 @@ class LiveFeed:
     async def stream(self) -> AsyncIterator[str]:
         """Yield the server-sent events for a browser until the run has ended."""
         listener = _Browser()
-        # No other task runs between these lines, so that the browser receives every change after this state.
+        # No other task runs before the state is read, so the browser receives every change after this state.
         self._listeners.add(listener)
         state = message("changes", [state.full_state() for state in self._states])
         try:

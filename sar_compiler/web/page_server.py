@@ -31,7 +31,7 @@ from sar_compiler.journal.journal_entries import CommandAuthor
 from sar_compiler.web.feed import Feed, ReplayFeed, as_json
 
 # The accepted host names, with any port, because the port may be tunnelled. Other names are rejected, because a foreign site may resolve its
-# name to this machine.
+# name to this machine (DNS rebinding).
 _NAMES = ("127.0.0.1", "localhost", "[::1]")
 _MAX_BODY, _MAX_NAME, _MAX_REASON, _MAX_SEEN = 10_000, 60, 200, 10_000
 # The time limit for a command, in seconds. The page waits somewhat longer (`orders.js`).
@@ -332,7 +332,7 @@ def _is_same_origin(headers: Headers) -> bool:
     name, colon, port = host.rpartition(":")
     if not colon or host.endswith("]"):
         name, port = host, "80"
-    # A page that was loaded by one of these names may send requests to any of these names.
+    # A page that was loaded under one of these host names may send requests to all of them.
     names = [host, *(f"{each}:{port}" for each in _NAMES)]
     return name in _NAMES and port.isdecimal() and origin in (None, *(f"http://{each}" for each in names))
 
@@ -340,7 +340,7 @@ def _is_same_origin(headers: Headers) -> bool:
 PORT = 8043
 """The default port."""
 _ADDRESS = "127.0.0.1"
-# The limits for all connections, and for connections that are not accepted yet, because each uses a file descriptor of the mission's process.
+# The limits for all connections, and for connections not accepted yet. Each connection uses a file descriptor of the mission's process.
 _CONNECTIONS, _BACKLOG = 32, 16
 # The time for a browser to read the last updates, in seconds.
 _LAST_UPDATES_SEC = 1.0

@@ -23,13 +23,13 @@ from sar_compiler.journal.resume_command import resume_command
 from sar_compiler.journal.status_line import condition
 
 _LEVELS = {30: "warning", 40: "error", 50: "error"}
-# The maximum number of lines of the log. If it is exceeded, the last lines, and earlier events and warnings, are kept in these numbers.
+# The maximum number of log lines. A longer log is cut to the last lines (_RECENT), and earlier events and warnings (_IMPORTANT).
 _LOG, _RECENT, _IMPORTANT = 2000, 300, 1400
-# The maximum number of points of the trail; a longer trail loses every second point.
+# The maximum number of points of the trail. Every second point is removed from a longer trail.
 _TRAIL = 1000
-# The maximum number of status changes of leaves, and the number of the latest changes that are kept if it is exceeded.
+# The maximum number of status changes of leaves, and the number of latest changes that are kept if there are more.
 _LANES, _KEPT_LANES = 2000, 1200
-# The maximum number of lines by which a line of the ROS log can be late.
+# The number of last log lines among which a late line of the ROS log is sorted by time.
 _LATE = 50
 
 PageChange = dict[str, Any]

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.verify.counterfactual import WhatIfResult, WhatIfSearch
     from sar_compiler.ros.engine import Engine
 
-# The time after the last query of a browser for which breakpoints can pause a tree, in seconds.
+# Breakpoints can pause a tree for this time after the last query of a browser, in seconds.
 _PATIENCE_SEC = 10.0
 # The maximum number of a run's entries that are stored for queries during the run.
 _MAX_ENTRIES = 100_000

@@ -19,7 +19,7 @@ from sar_compiler.web.page_state import PageState, all_changes
 Explain = Callable[[Path], Mapping[str, Any] | None]
 """Returns the cause of a mission's failure according to its journal, or None if the mission has not failed."""
 
-# The difference between the clocks of robots above which their missions are unrelated, in seconds.
+# Missions are regarded as unrelated if the clocks of their robots differ by more than this time, in seconds.
 _UNRELATED_SEC = 24 * 3600
 # The minimum number of entries between checkpoints, and the maximum number of checkpoints.
 _MIN_ENTRIES, _MAX_CHECKPOINTS = 2000, 400

@@ -61,7 +61,7 @@ class RunPage(RunExtension):
         self._place = run.journal.path
         journal, node, verbs = run.journal, run.node, run.mission.verbs()
         calls = CommandClient(node, verbs, run.orders.sign)
-        # A separate clock for the server's thread, which does not report stops and jumps; the mission's clock reports them.
+        # The server's thread has its own clock. Only the mission's clock reports stops and jumps of the time.
         clock = NodeTime(node)
 
         def record_breakpoint(text: str, reason: str) -> None:
@@ -107,7 +107,7 @@ class RunPage(RunExtension):
         self._feed.set_awaited(items)
 
     def on_end(self, *, has_begun: bool) -> None:
-        """Stop serving the page: after Ctrl-C on a terminal, otherwise at once."""
+        """Stop serving the page: on a terminal after Ctrl-C, otherwise immediately."""
         self._has_ended = self._orders.has_ended = True
         self._tools.stop_pausing()
         if has_begun and self._has_viewers and not self._run.signals.came:

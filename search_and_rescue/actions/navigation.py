@@ -106,7 +106,7 @@ class NavigateTo(ActionLeaf):
 
     action_type = "nav2_msgs/action/NavigateToPose"
     rivals = ("navigate_to_pose", "navigate_through_poses")
-    # A person does not read faster than this, and the page receives every change anyway.
+    # People cannot read faster updates, and the page receives every change in any case.
     feedback_period_sec = 0.4
 
     def __post_init__(self) -> None:
@@ -296,7 +296,7 @@ class NavigateToBase(NavigateTo):
         shortfalls = self.record.shortfalls(self.zone_manager)
         told = "Mission complete."
         if shortfalls:
-            # Checked now: a stored report may still be delivered here.
+            # The log states the shortfalls on arrival. A stored report may still be delivered at the base station.
             told = " ".join(["Back at base with the mission incomplete:", *shortfalls])
         if told != self._told:
             self._told = told

@@ -295,7 +295,7 @@ class AwaitSurvivor(TopicLeaf):
 
     def setup(self, **kwargs: Any) -> None:
         """Subscribe to the topic and to the map."""
-        # A detector publishes all survivors that it sees at once.
+        # A detector publishes all visible survivors at the same time, so the queue must be long enough for all of them.
         self.qos = qos_profile(type(self).__name__, self.qos)
         self.qos.depth = _SEEN_AT_ONCE
         super().setup(**kwargs)
@@ -473,7 +473,7 @@ def survivor_report(
         detect_node: The search that found the survivor.
         leaf: The leaf, which logs the reason.
         record: Contains whether the base station acknowledged the report in an earlier run.
-        lacks: What the leaf lacks if there is nothing to report, for the log.
+        lacks: The missing item in the log message, such as `no report to store`.
     """
     survivor_id, pose = detect_node.survivor_id(), detect_node.survivor_pose()
     if survivor_id is None or pose is None:

@@ -38,17 +38,17 @@ from search_and_rescue.zone_manager import Geofence, MapPose, ZoneManager
 
 Passes = Annotated[int, at_least(1)]
 Share = Annotated[float, plausible_number(0, 1)]
-# The number of pieces is unknown before the run, so the outcome of a leaf says whether a piece is open. Verification assumes this many
-# pieces beyond one a pass.
+# The number of pieces is unknown before the run, so the outcome of a leaf says whether a piece is open. Verification assumes
+# `more_pieces` additional pieces beyond one per pass.
 _PIECES = {"zones_left": 3, "piece_open": False, "more_pieces": 1}
-# Without a zone left, no piece is open, whatever was planned.
+# If no zone is left, no piece is open, even if pieces were planned.
 _OPEN = "zones_left > 0 && piece_open"
 
 # Positions closer together than this are the same position, metres.
 _STANDS_M = 0.05
-# A robot that moved this far, metres, and faster than that, m/s, did not drive: the localisation has jumped.
+# If the position changes by more than this distance, metres, and speed, m/s, the localisation has jumped.
 _JUMP_M, _FASTEST_MPS = 2.0, 1.5
-# Nav2 regards a pose as passed within 0.7 m, unless its tree sets another radius. Farther away than this the robot did not pass it, metres.
+# By default, Nav2 regards a pose as passed within 0.7 m. If the robot stayed farther away than this, metres, it did not pass the pose.
 _PASSES_M = 3.0
 
 
@@ -362,7 +362,7 @@ class NavigateToPiece(NavigateTo):
         return self._robot.last_pose() if self._robot is not None else None
 
     def _add_seen_ground(self) -> None:
-        # With fast simulated time, much time may pass between two updates; an update without a known position also counts as one.
+        # The distance that is possible since the last update depends on the time since then, which is long in fast simulations.
         now = self._clock.now()
         passed, self._looked_at = now - self._looked_at, now
         place = self._robot_pose()
@@ -384,7 +384,7 @@ class NavigateToPiece(NavigateTo):
     "NavigateThroughPieces",
     kind=Kind.ACTION,
     effects="drives the robot through the pieces, and marks them as swept",
-    # Without the action: the start must not wait for a server that may not offer it.
+    # The action is not listed, because the start must not wait for a server that may not offer it.
     uses=(Use.nav2(),),
     outcomes=drive_outcomes(
         Outcome("SUCCESS", "all done", _OPEN, "piece_open = false; at = 'zone'; navigation_lost = false"),

@@ -203,7 +203,7 @@ class ChooseZone(RosLeaf):
             self._ways.give_up()
 
     def _begin(self, zones: list[Zone]) -> Future[list[int]]:
-        # A laptop that verifies trees needs no NumPy.
+        # Imported late, because the verification of trees does not need NumPy.
         from search_and_rescue.zone_order import approximation, order_areas
 
         how = approximation(len(zones)) if self._order == "expected_find" else ""

@@ -19,7 +19,7 @@ function copied(from) {
 class TreeDrawing extends HTMLElement {
   #zoom = 1;
   #chosen = null;
-  // Whether a button is pressed. The page does not move the nodes meanwhile.
+  // Whether a pointer button is pressed. While it is pressed, the page does not move the nodes.
   isPressed = false;
   #drag = null;
   #pan = null;
@@ -157,7 +157,7 @@ class TreeDrawing extends HTMLElement {
   }
 
   #move(event) {
-    // The button was released where no event reports it, as over a menu of the browser.
+    // No event has reported the release of the button, for example over a menu of the browser.
     if (!event.buttons && this.isPressed) this.#end();
     if (this.#pan) this.parentElement.scrollTo(this.#pan.x - event.clientX, this.#pan.y - event.clientY);
     const drag = this.#drag;

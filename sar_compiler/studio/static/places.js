@@ -25,7 +25,7 @@ export function keyPlace(elements, number, key) {
 
 const sizeOf = (elements, number) => elements[number].children.reduce((sum, each) => sum + sizeOf(elements, each), 1);
 
-// The number that the result of an operation will have: the new, changed or moved element, or a neighbour of a deleted one.
+// Returns the number that an element will have after an operation: the new, changed or moved element, or a neighbour of the deleted one.
 export function resultOf(elements, operation, { element, parent, index }) {
   if (operation === "duplicate") return element + sizeOf(elements, element);
   if (operation === "delete") {

@@ -20,7 +20,7 @@ let next = null;
 let shownTree = null;
 let walk = { events: [], at: -1 };
 let isPlayed = false;
-// The chosen outcomes of leaves, by their names, which may be any words.
+// The chosen outcomes of leaves, by the leaf's name, which may be any string.
 const script = Object.create(null);
 // The name of the shown file; empty for the file that was opened first.
 let file = "";
@@ -39,7 +39,7 @@ const say = (text, isError = false) => {
 };
 const ask = (request, values = {}, onProgress = undefined) => backend.ask(request, { file, ...values }, onProgress);
 const nameOf = ({ tag, attributes }) => attributes.name ?? attributes.ID ?? tag;
-// The declaration of a node, which may be written as its kind with an ID.
+// Returns the spec of an element, which may have the form `<Action ID="Say"/>` instead of `<Say/>`.
 const specOf = ({ tag, attributes }) => (attributes.ID && specs.get(attributes.ID)?.kind === tag ? specs.get(attributes.ID) : specs.get(tag));
 const canHold = (number) => specOf(analysis.elements[number])?.most !== 0;
 
@@ -456,7 +456,7 @@ async function compare() {
   const compared = version;
   const result = await ask("compare", { version });
   if (result.others_have_changed) await look();
-  // What the page itself has saved meanwhile is no change by another program.
+  // If the page itself has saved the file since, the difference is not a change by another program.
   if (!result.has_changed || isSaving || version !== compared) return;
   if (!isDirty()) await load();
   else say("Another program has changed the file. You can overwrite or reload it when you save", true);

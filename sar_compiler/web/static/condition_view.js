@@ -4,15 +4,15 @@ import { clock, html, say, set } from "./shapes.js";
 import { CONDITIONS } from "./signs.js";
 
 const SEVERITY = ["quiet", "good", "warning", "error"];
-// The reason of a lost contact contains its duration.
+// The duration is shown for these states. The reason for a lost contact already contains it.
 const COUNTED = ["paused", "waiting", "position lost"];
-// On the page, the robot itself could have crashed.
+// On the page, "crashed" alone could mean that the robot has crashed.
 const LABELS = { crashed: "program crashed" };
 // A robot in one of these states does not drive, regardless of earlier data.
 const STANDING = ["paused", "waiting", "aborted"];
 const UNPLACED = "position lost";
 
-/** Return a run's status for a page: word, level (including that of its open tasks), reason, duration in seconds (null if it is not shown), and the number of open tasks, in words, if the level is that of a task. */
+/** Return a run's status for a page: word, level, reason, and duration in seconds (null if it is not shown). If an open task determines the level, also return the number of open tasks in words. */
 export function conditionOf(stream, run) {
   const { silent, isReplay, isTold, trouble } = stream;
   if (isReplay && silent) return { word: "not connected", level: "error", reason: "other times cannot be shown", lasts: null };

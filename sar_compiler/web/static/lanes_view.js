@@ -3,7 +3,7 @@
 import { clock, set } from "./shapes.js";
 
 const [LANE, AXIS, NAMES, MOST_LANES] = [16, 18, 150, 400];
-// Shortest time that can be zoomed to, in seconds, and the shortest drag in pixels.
+// The shortest period that can be shown, in seconds, and the shortest drag, in pixels.
 const [SHORTEST, DRAG] = [0.5, 5];
 const STEPS = [0.1, 0.5, 1, 5, 10, 30, 60, 300, 600, 1800, 3600, 14400];
 const COLOURS = ["RUNNING", "SUCCESS", "FAILURE", "HALTED"];

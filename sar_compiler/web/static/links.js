@@ -2,7 +2,7 @@
 
 import { html } from "./shapes.js";
 
-// The names of the landmarks of each run, for a version of the landmarks, and the name in each line of a log, for a pattern of names.
+// Caches: for each run, the names of its landmarks; for each line of a log, the first name in the line.
 const [known, inLines] = [new WeakMap(), new WeakMap()];
 
 /** Return the landmark that a line of the log names first; undefined if it names none. */

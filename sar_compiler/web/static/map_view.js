@@ -10,7 +10,7 @@ const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
 const SIDES = [[0, 1], [1, 0], [0, -1], [-1, 0], [0.8, 1], [-0.8, 1], [0.8, -1], [-0.8, -1]];
 const AWAY = [0, 26];
 const [RADIUS, HEIGHT, FONT] = [13, 16, "600 13px system-ui, 'DejaVu Sans', sans-serif"];
-// The cost of a label that is nearer to another mark than to its own and needs a line to its own, in square pixels of covered area.
+// The cost, in square pixels of covered area, of a label that is nearer to another mark than to its own, and so needs a line to its own.
 const MISTAKEN = 300;
 // Maximum distance in pixels at which a click on the first corner closes an outline.
 const [CLOSING, LEAST_CORNERS] = [9, 3];
@@ -119,7 +119,7 @@ export class MapView {
     return drawn;
   }
 
-  /** Bring a landmark into the middle, and mark it for a moment. */
+  /** Centre the map on a landmark, and highlight the landmark for a moment. */
   look({ kind, name, robot = this.stream?.chosen }) {
     const landmark = this.stream?.runs[robot]?.landmarks.get(`${kind}/${name}`);
     if (!landmark || !this.at) return;
@@ -455,7 +455,7 @@ function overlap([left, top, right, bottom], [a, b, c, d]) {
   return Math.max(0, Math.min(right, c) - Math.max(left, a)) * Math.max(0, Math.min(bottom, d) - Math.max(top, b));
 }
 
-/** Return the cost of a label, which is not 0 if the label is nearer to another mark than to its own. */
+/** Return the additional cost of a label that is nearer to another mark than to its own; 0 for other labels. */
 function mistaken([left, top, right, bottom], own, others) {
   const away = ([x, y]) => Math.hypot(Math.max(left - x, 0, x - right), Math.max(top - y, 0, y - bottom));
   return others.some(({ at }) => away(at) < away(own)) ? MISTAKEN : 0;

@@ -92,7 +92,7 @@ function worstOf(stream) {
   return index < 0 || level === "good" || chosen.level === level ? { ...chosen, index: stream.chosen } : { ...all[index], index, word: `${stream.names[index]}: ${all[index].word}` };
 }
 
-/** Return a condition in the words of the band: a replay is named, authors have no address, and a reason that a task states is omitted. */
+/** Return a condition as the state band shows it: marked if replayed, without addresses of authors, and without a reason that a task states. */
 function forOperators(stream, condition) {
   const { word, reason, index } = condition;
   const isStated = reason && stream.runs[index].tasks.some(({ text }) => text.endsWith(reason));

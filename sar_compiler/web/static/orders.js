@@ -218,7 +218,7 @@ export class Orders {
     return role === "stop" ? { run: run.id ?? "" } : { run: run.id ?? "", object: objects[name] ?? "" };
   }
 
-  /** Close a dialog whose object has changed since it was opened. */
+  /** Disable the confirmation of a dialog if the object of its command has changed since the dialog was opened. */
   expire() {
     if (!this.ask.open || !this.about) return;
     const { verb, robot, seen } = this.about;

@@ -217,11 +217,11 @@ function remember(ids) {
   try {
     localStorage.setItem(SEEN, JSON.stringify(ids));
   } catch {
-    // Another page then shows the alarms again.
+    // Without the stored alarms, a reloaded page shows seen alarms as new.
   }
 }
 
-/** Cards for the robots of a team: status, gauges, task and age of the position. The selected card is pressed. */
+/** Cards for the robots of a team: status, gauges, task and age of the position. The card of the selected robot is shown as pressed. */
 export class CardsView {
   constructor(place) {
     this.place = place;

@@ -20,7 +20,7 @@ export class ReplayBar {
     this.slider.addEventListener("input", () => {
       this.play(false);
       const { value, max } = this.slider;
-      // The end may lack the last digit of its hundredths.
+      // The slider's maximum is the end of the replay, rounded up.
       stream.go(value === max ? stream.end : Number(value));
     });
   }
@@ -28,7 +28,7 @@ export class ReplayBar {
   begin() {
     this.play(false);
     this.place.hidden = !this.stream.isReplay;
-    // The maximum is a whole number of steps, because the slider could not reach the end otherwise.
+    // The maximum is a multiple of the step. Otherwise the slider could not reach it.
     this.slider.max = Math.ceil((this.stream.end ?? 0) * 100) / 100;
   }
 

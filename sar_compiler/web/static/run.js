@@ -1,4 +1,4 @@
-// The state of a run, as sent by the server, without conclusions. Times are seconds since the run's start.
+// The state of a run, as sent by the server. Times are seconds since the run's start.
 
 const NEVER = Object.freeze({ status: "", since: 0, entered: 0, time: 0, tick: 0, message: "", failed: null, failure: "", label: "", ends: [0, 0, 0], ran: 0, longest: 0 });
 

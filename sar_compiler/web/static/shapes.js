@@ -1,4 +1,4 @@
-// Elements of the page, and the appearance of statuses: colour, shape and letter each identify one.
+// Elements of the page, and the appearance of statuses: each status has its own colour, shape and letter.
 
 import { FOUND, LEVELS, MARKS, STATUSES } from "./signs.js";
 
@@ -50,7 +50,7 @@ export function clock(seconds) {
   return hours ? `${hours}:${String(minutes % 60).padStart(2, "0")}:${rest}` : `${minutes}:${rest}`;
 }
 
-/** Draw the sign of a status, 16 wide: a shape with a letter. `former` signs, from an earlier activation, are hollow. */
+/** Draw the sign of a status, 16 units wide: a shape with a letter. `former` signs, from an earlier activation, are hollow. */
 export function badge(status, former = false) {
   const [letter, path] = STATUSES[status] ?? STATUSES[""];
   const sign = svg("g", { class: `badge ${status || "none"}${former ? " former" : ""}` }, svg("path", { d: path }));
@@ -61,7 +61,7 @@ export function badge(status, former = false) {
 // The names of the colours of a team's robots.
 const HUES = ["trail", "success", "skipped"];
 
-/** Return the colour of a robot by its index; empty for the usual one. */
+/** Return the colour of a robot by its index; empty for the default colour. */
 export function hue(index) {
   const name = HUES[(index % (HUES.length + 1)) - 1];
   return name ? `var(--${name})` : "";
@@ -75,7 +75,7 @@ export function sign({ level }, { is_found: isFound }) {
   return isFound && level < 2 ? FOUND.sign : (LEVELS[level]?.sign ?? "");
 }
 
-/** Draw the mark of a landmark for the map and for texts, about 24 wide and centred. */
+/** Draw the mark of a landmark for the map and for texts, about 24 units wide and centred at the origin. */
 export function mark(landmark, kind) {
   const known = [LEVELS[landmark.level]?.word, kind.is_found && FOUND.word, landmark.is_certain && "certain"].filter(Boolean).join(" ");
   const group = svg("g", { class: `mark ${known}` }, svg("path", { d: MARKS[kind.shape] ?? MARKS.circle }));

@@ -88,7 +88,7 @@ export class Stream {
   }
 
   hello({ mode, robots, verbs, tools, end }) {
-    // The same run, or a run that has replaced it, sends the whole state again.
+    // After a reconnection, the server sends the whole state again, possibly of another run.
     const name = this.names[this.chosen];
     this.names = robots ?? ["run"];
     this.runs = this.names.map(() => new Run());

@@ -3,7 +3,7 @@
 import { badge, duration, set, svg } from "./shapes.js";
 
 const ROW = 26;
-// The height in which a tree is assumed to be shown while it is hidden, in pixels.
+// The assumed height of the view while the tree is hidden, in pixels.
 const HIDDEN = 400;
 
 export class TreeView {

@@ -1,4 +1,4 @@
-// The cause of a mission's failure: the likeliest cause, the chain from the root to the results, and a change for a success.
+// The cause of a mission's failure: the likeliest cause, the chain from the root to the results, and a change that would have led to success.
 
 import { clock, html } from "./shapes.js";
 
