@@ -2,9 +2,9 @@
 
 Driving one metre with a sensor of sweep width W is an effort of W square metres. The effort is spread evenly over the circle of the detection
 range R: each metre adds W / (π R²) to the coverage of every cell within the range and in sight. The coverage
-of an area is the mean over the cells. For a track of length L in an area A, it equals W · L / A if the robot
-sees only cells of the area, and no cell is hidden. A cell of coverage c was searched with the POD 1 -
-exp(-c), which is Koopman's law of random search and a lower bound. The coverages of several passes are added.
+of an area is the mean over the cells. For a track of length L in an area A, the coverage is W · L / A if the robot
+sees only cells of the area, and no cell is hidden. The POD of a cell with coverage c is 1 - exp(-c). This is
+Koopman's law of random search, a lower bound. The coverages of several passes are added.
 """
 
 import base64

@@ -23,7 +23,7 @@ _MEMORY_SHARE = 0.5
 _MAX_FACTOR, _MAX_FALL = 5.0, 0.1
 # Smaller steps of the odometry may be drift of a robot at rest; larger steps mean that the odometry was reset; metres.
 _MIN_STEP_M, _MAX_STEP_M = 0.05, 2.0
-# Readings at a smaller interval are the same message, received by two leaves, seconds.
+# Two readings within this time, seconds, are the same message, received by two leaves.
 _MIN_INTERVAL_SEC = 0.2
 
 

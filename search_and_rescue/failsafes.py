@@ -126,7 +126,7 @@ class NotRecalled(_CommandCondition):
 class NavigationAvailable(_Failsafe):
     """Check that Nav2 and the localisation were available when the last drive ended. Otherwise the leaf fails.
 
-    A drive that failed for this reason does not show whether the target is reachable. The zone is therefore
+    A drive that failed without navigation does not show whether the target is reachable. The zone is therefore
     neither postponed nor abandoned.
 
     Args:

@@ -258,7 +258,7 @@ class HomingEstimator:
         metres = left / (2 * self.energy.need(self._drive(1.0)))
         seconds = left / self.energy.need(TripEstimate(0.0, 1.0))
         return [
-            Figure("battery to come home", round(100 * need, 1), unit="%"),
+            Figure("battery for the way home", round(100 * need, 1), unit="%"),
             Figure("metres to the point of no return", round(metres), unit="m"),
             Figure("seconds to the point of no return", round(seconds), unit="s"),
         ]

@@ -59,7 +59,7 @@ KINDS = (
 """The kinds of landmarks that every search displays."""
 CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
 """The kind of landmark that is displayed if there are charging places."""
-# Maximum number of lines of the order of visits in the log.
+# The order of visits has at most this number of lines in the log.
 _MAX_LINES = 20
 # The alarm level of a return home after which the mission continues, which is the level of a warning in the log.
 _WARNING = 30
@@ -474,7 +474,7 @@ def _home_first(reason: str, to: str) -> str:
     return f"{reason}: {to or 'home'} first"
 
 
-# Larger than the number of pieces of any sweep, and than the number of commands in any mission.
+# More than the pieces of any sweep, and more than the commands in any mission.
 _ANY_NUMBER = 1_000_000_000
 
 _SENTENCES: Mapping[str, Callable[..., str]] = {

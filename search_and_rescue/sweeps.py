@@ -42,7 +42,7 @@ def sweep(
     obstacles: "ObstacleMap | None" = None,
     clearance: float = 0.0,
 ) -> list[MapPose]:
-    """Return the poses of the stops of a sweep, in the order of the sweep.
+    """Return the poses at which the robot stops in a sweep, in order.
 
     Args:
         polygons: The polygons of the ground, metres, frame `map`.

@@ -110,7 +110,7 @@ class ZoneManager:
         self.charging = deepcopy(dict(charging or {}))
         self.areas = dict(areas or {})
         self.looks: Counter[str] = Counter()
-        # The zones of searches with a detection, by the position and by the name of the survivor, and the names of rejected detections.
+        # The zones in which searches detected a survivor, by the survivor's position and by name. Then the names of rejected detections.
         self._found_at: dict[tuple[float, float], str] = {}
         self._found_in: dict[str, str] = {}
         self._rejected: set[str] = set()

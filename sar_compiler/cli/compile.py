@@ -231,7 +231,7 @@ def _tree_drawing(loaded: "ProjectTree", arguments: argparse.Namespace) -> "tupl
 
 
 def _drawing(tree: "Drawable", form: str, *, folded: bool) -> str:
-    """Return the drawing of a tree in one of the output formats of `show`."""
+    """Return a drawing of a tree in an output format of `show`."""
     if form not in _PICTURES:
         from sar_compiler.compiler.outline import outline_text
 

@@ -19,7 +19,7 @@ _NO_ERROR = ("[INFO]", "[DEBUG]")
 def serve() -> int:
     """Run `sar-run` for each list of arguments on standard input.
 
-    For each run, write the status, the output and the reason of a failure.
+    For each run, write the status, the output and the reason for a failure.
 
     The result of a run is written before ROS is shut down, because native code may crash during the shutdown and end the process.
     """
@@ -35,7 +35,7 @@ def serve() -> int:
                 results.write(json.dumps([status, _pop_output(output), reason]) + "\n")
                 results.flush()
                 shut_down(status, ros.pop_all().close)
-            # A finished run leaves reference cycles that hold its maps, whose size the garbage collector does not know.
+            # Reference cycles of a finished run keep its maps alive. The garbage collector does not know how large they are.
             gc.collect()
     return 0
 

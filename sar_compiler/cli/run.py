@@ -72,7 +72,7 @@ def run_with_ros(argv: Sequence[str], ros: ExitStack, *, stepped: bool = False) 
 
     Args:
         argv: The arguments.
-        ros: The stack to which the functions that shut down ROS are added.
+        ros: Receives the functions that shut down ROS.
         stepped: Whether the simulated world and the mission run alternately in one thread.
 
     Returns:

@@ -169,7 +169,7 @@ def _typo_message(until: "Script", simulated: "SimulatedTree") -> str | None:
 def _trace_failure(run: "ScenarioRun") -> "list[Failure]":
     """Compare a run's trace with the scenario's trace file.
 
-    The result contains a failure if they differ. It is empty if they are equal or the scenario names no file.
+    The result contains a failure if the traces differ. It is empty if they are equal, or if there is no trace file.
     """
     from sar_compiler.analysis.simulate.scenario_run import Failure
     from sar_compiler.analysis.trace_view import trace

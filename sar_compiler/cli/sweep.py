@@ -51,7 +51,7 @@ _BATCH = 25
 _MAX_SEC = 600.0
 
 
-# Each row needs memory and the computation of an interval, and a longer table would not be readable.
+# A longer table would not be readable, and each row needs memory and processor time.
 MAX_ROWS = 10_000
 
 

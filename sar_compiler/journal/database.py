@@ -60,8 +60,8 @@ from sar_compiler.resources import state_folder
 # Both go into one file, by SQLite's write-ahead log. `synchronous` is chosen for each transaction: FULL syncs the log
 # with the commit, NORMAL leaves that to a later sync. A NORMAL commit has been handed to the kernel, so SIGKILL loses
 # nothing that was committed; only a power cut loses it. The log is written from front to back, and a FULL commit also
-# syncs everything before it: a power cut removes the end of the history, and never a part of its middle. (Two files,
-# one durable and one not, would lose the statuses that led to an event and keep the event.) The pragma precedes BEGIN,
+# syncs everything before it: a power cut removes the end of the history, and never a part of its middle. (With two
+# files, only one of them durable, an event could survive without the statuses that led to it.) The pragma precedes BEGIN,
 # because SQLite does not change the level within a transaction.
 #
 # BEGIN IMMEDIATE takes the write lock at once, so that a refusal comes before any row is written. After the start of a run, this

@@ -23,7 +23,7 @@ _TENTHS = "-abcdefghij"
 _RUNS = re.compile(r"(?:(?:[1-9][0-9]{0,5})?[-a-j])+")
 _RUN = re.compile(r"([0-9]*)[-a-j]")
 _MAX_CELLS = 100_000
-# The number of corners of an outline that are part of its landmark's identity.
+# A landmark's identity contains at most this number of corners of its outline.
 _IDENTIFYING_CORNERS = 8
 
 

@@ -21,8 +21,8 @@ RUN_ENDED = "run_ended"
 
 ORDERED = "ordered"
 """The kind of an observation of a command to the mission. Its data are the command's `verb` and `label`, the author
-`by` if known, the `reason`, the `refusal` (empty if the command was accepted), and `is_told`, which says whether
-other events already show the command."""
+`by` if known, the `reason`, the `refusal` (empty if the command was accepted), and `is_told` (whether other
+events already show the command)."""
 
 PROPERTIES_WATCHED, PROPERTIES_OWED = "properties_watched", "properties_owed"
 """The kinds of observations about the monitored properties. `properties_watched` is written once. It contains the

@@ -80,8 +80,7 @@ def open_journal(
         place: The path of the file.
         resume: Whether to resume the mission in the file.
         start_over: Whether to start a new mission even if the mission in the file is unfinished.
-        is_named: Whether the user has named the file. If so, the journal of a mission that its operator has stopped is
-            not renamed without *start_over*.
+        is_named: Whether the user has named the file. A stopped mission in a named file is replaced only with *start_over*.
 
     Raises:
         JournalError: If the mission to resume does not exist or is over, if the mission to replace is unfinished, if another process is

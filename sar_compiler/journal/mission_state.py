@@ -1,7 +1,7 @@
 """Computes the state of a mission from its journal, for the page, the reports and the terminal.
 
 The state is the same whether the entries arrive one by one during the mission (`Journal.add_listener`) or from a file
-(`JournalFile.stream`). An entry of an unknown kind, or without the data of its kind, is treated as an event of the mission.
+(`JournalFile.stream`). An entry of an unknown kind, or whose data do not fit its kind, is treated as an event of the mission.
 """
 
 import math

@@ -20,7 +20,7 @@ from sar_compiler.journal.node_ends import NodeEnds
 from sar_compiler.runtime.events import DECIDED, HALTED, RESET, RETURNED, STARTED, TICKED, Event, FactChanges
 
 GONE = {"HALTED": HALTED, "IDLE": RESET}
-"""Maps each status of a leaf that is no longer active to the kind of event that this status means."""
+"""The kinds of events for the statuses of leaves that are no longer active."""
 
 
 def is_status(entry: JournalEntry, count: int) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.mission_state import MissionState
 
-# The options of a run's command line that the resume command omits, and the option among them that has a value.
+# The options of a run that the resume command omits, and the only one of them that has a value.
 _OMITTED, _WITH_VALUE = ("--new", "--resume", "--check", "--journal"), "--journal"
 
 

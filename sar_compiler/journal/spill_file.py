@@ -2,8 +2,8 @@
 
 It has a fixed size, and stores events while the journal cannot be written.
 
-The blocks of the file are allocated when a run starts, and only overwritten afterwards, so that a full disk, a quota or a lock on
-the database does not affect them. The file has two slots with checksums, which are written in turn. A process that dies while
+The blocks of the file are allocated when a run starts, and later only overwritten. A full disk, a quota or a lock on the database
+therefore does not affect the file. It has two slots with checksums, which are written in turn. A process that dies while
 writing one slot leaves the other slot intact. A slot contains all waiting events. If they do not fit, it contains the number of
 omitted events, and the highest numbers in use (`Journal.store_highest_number`).
 """
@@ -83,7 +83,7 @@ class SpillFile:
             raise
 
     def _fill(self) -> None:
-        # The blocks are written, because blocks that are only reserved may still need space when they are first written.
+        # The blocks are really written. Blocks that are only reserved may still need space at their first write.
         size = os.fstat(self._descriptor).st_size
         _write(self._descriptor, b"\0" * max(0, 2 * _SLOT_BYTES - size), size)
 
@@ -175,7 +175,7 @@ def _slots(content: bytes) -> list[tuple[int, bytes]]:
 def _fit_into_slot(spilled: SpilledEntries, numbers: Mapping[str, int]) -> str:
     """Convert the content to text that fits into a slot.
 
-    If it is too long, one event replaces the last events.
+    If the text is too long, one event replaces the last events.
     """
     count = len(spilled.facts)
     while True:

@@ -28,8 +28,8 @@ class StatusWatch(VisitorBase):
     status of a node that had ended and was reset because an ancestor started over or was stopped. Entries
     with either of these two statuses also contain `last`, the tick in which the node was last ticked.
 
-    If a leaf records an event in a tick, the outcome of the leaf in this tick is written even if it is unchanged, so that the
-    journal contains the outcome for each event.
+    If a leaf records an event in a tick, the outcome of the leaf in this tick is written even if it is unchanged. The journal
+    then contains an outcome for each event.
 
     Args:
         root: The tree.

@@ -187,10 +187,10 @@ class MissionRun:
     def use_journal(self, journal: "Journal") -> None:
         """Apply the events of earlier runs; from now on, record the mission's events in the given journal.
 
-        This method is called once, before the tree is compiled. Some events must survive the process. The mission records such an event with `journal.record_event`
-        before it reports the event anywhere. The journal then calls `apply`, which changes the run's state. A
-        resumed tree starts over; its leaves use this state to skip finished work. A subclass that needs the
-        journal overrides this method, calls the base class's method and stores the journal.
+        This method is called once, before the tree is compiled. The mission records each event that must survive
+        the process with `journal.record_event`, before it reports the event anywhere. The journal then calls
+        `apply`, which changes the run's state. A resumed tree starts over; its leaves use the state to skip finished
+        work. A subclass that needs the journal overrides this method, calls the base method and stores the journal.
 
         Raises:
             JournalError: If the mission cannot process the events of earlier runs.

@@ -340,7 +340,7 @@ class ParameterReader:
     def read_file(self, key: str, noun: str, most_bytes: int) -> str | None:
         """Return the text of the UTF-8 file that a parameter names.
 
-        The path is relative to the parameter file, and the file must be in the same repository, or in the same folder if there is no repository. A
+        The path is relative to the parameter file. The named file must be in the same repository or, without a repository, in the same folder. A
         path on the command line may lead to any file. Goals of `sar-run --serve` must not set such a parameter, so the mission must list it in
         `path_parameters`.
 

@@ -19,7 +19,7 @@ from sar_compiler.tree.display_text import escape_to_one_line
 from sar_compiler.tree.plain import as_json, count_with_noun
 
 FEWEST = 10
-"""The minimum number of results that a leaf must have so that assumptions about it are written."""
+"""The minimum number of results of a leaf for which assumptions are written."""
 
 # The assumed results of a leaf that does not declare its outcomes.
 _USUAL = "SUCCESS", "FAILURE"
@@ -271,7 +271,7 @@ def _outcome_assumptions(leaf: LeafStatistics, confidence: float) -> Sequence[ob
     items: list[object] = []
     outcomes = [*leaf.outcomes.values()]
     if not leaf.is_declared:
-        # The file must list all possible outcomes of such a leaf.
+        # The file must list all possible outcomes of a leaf that does not declare them.
         seen = {outcome.status for outcome in outcomes}
         outcomes += [OutcomeTimes(status, "") for status in _USUAL if status not in seen]
     for outcome in outcomes:

@@ -193,7 +193,7 @@ def cap_report(state: MissionState) -> str:
 
     reference, sent = _reference(state), _moment(state.now)
     alert = Alert(
-        # A report of a later state of the mission is another alert.
+        # A later report of the same mission is a new alert with its own identifier.
         identifier=f"{_mission_id(state)}-{sent:{_STAMP}}",
         sender="sar_compiler",
         sent=XmlDateTime.from_datetime(sent),

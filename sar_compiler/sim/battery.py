@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from sar_compiler.sim.geometry import Pose2D
 
-# The distance within which a robot is at a location for a swap, metres, and the speed below which it stands still, m/s.
+# A battery is swapped only within this distance of a location, metres, and below this speed of the robot, m/s.
 _BACK_M, _STANDS_MPS = 1.0, 0.01
 
 

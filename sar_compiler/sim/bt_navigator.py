@@ -222,8 +222,8 @@ class BtNavigator:
 
     The node also serves `compute_path_to_pose` and publishes the topic `plan`, like Nav2's planner.
 
-    A new goal preempts the current goal, and the current goal is aborted with error code 0. But if the new goal has another behaviour tree
-    than the current goal, or belongs to the other action, the new goal is aborted instead.
+    A new goal preempts the current goal, which is aborted with error code 0. A new goal that belongs to the other action, or has another
+    behaviour tree than the current goal, is itself aborted instead.
 
     Args:
         host: Creates the node.

@@ -23,7 +23,7 @@ class Pose2D:
         return math.hypot(other.x - self.x, other.y - self.y)
 
     def compose(self, local: "Pose2D") -> "Pose2D":
-        """Convert a pose relative to this pose to the frame in which this pose is given."""
+        """Convert a pose relative to this pose to the reference frame of this pose."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Pose2D(
             self.x + cos * local.x - sin * local.y,

@@ -93,7 +93,7 @@ def require_no_other_nodes(
         node.destroy_node()
 
 
-# The environment variables with which DDS discovers participants in ways that `_is_alone` does not check.
+# The environment variables that enable ways of discovery that `_is_alone` does not check.
 _DISCOVERY_VARIABLES = (
     "CYCLONEDDS_URI",
     "FASTDDS_BUILTIN_TRANSPORTS",
@@ -126,7 +126,7 @@ def _is_alone(domain: int) -> bool:
 
 
 def _sockets_of(domain: int) -> Iterator[str]:
-    """Yield the numbers of the sockets of this machine at the ports of a domain."""
+    """Yield the inode numbers of all sockets on this machine at the ports of a domain."""
     first = _FIRST_PORT + _PORTS_OF_A_DOMAIN * domain
     for path in _SOCKETS:
         for line in path.read_text(encoding="ascii").splitlines()[1:]:
@@ -136,7 +136,7 @@ def _sockets_of(domain: int) -> Iterator[str]:
 
 
 def _own_sockets() -> Iterator[str]:
-    """Yield the numbers of the sockets of this process."""
+    """Yield the inode numbers of the sockets of this process."""
     for descriptor in Path("/proc/self/fd").iterdir():
         with suppress(FileNotFoundError):  # the descriptor of the folder itself is closed by now
             yield str(descriptor.readlink()).removeprefix("socket:[").removesuffix("]")

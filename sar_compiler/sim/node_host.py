@@ -15,7 +15,7 @@ from rclpy.executors import (
 )
 from rclpy.node import Node
 
-# The number of rounds between two checks of QoS events, which are half of the entities in the wait set and only cause warnings.
+# The number of rounds between two checks of QoS events. They are half of the entities in the wait set, and only cause warnings.
 _ROUNDS_PER_EVENT = 20
 # The maximum length of a chain of messages between two steps. A response arrives one step after its request.
 _HOPS = 2

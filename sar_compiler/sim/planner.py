@@ -23,7 +23,7 @@ from sar_compiler.sim.world import Floats
 _NEAR_COST = 8.0
 # The distance over which the additional cost near an obstacle falls to 1/e, metres.
 _FALL_OFF = 0.25
-# The maximum distance of a start from a position at which the body fits, metres, so that a robot can drive away from a wall that it touches.
+# A start may be up to this distance, metres, from a position at which the body fits: a robot can drive away from a wall that it touches.
 _START_SLACK = 0.15
 # The length of the path section over which positions are averaged to round corners, metres.
 _SMOOTHING = 0.45

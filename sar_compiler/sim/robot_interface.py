@@ -1,4 +1,4 @@
-"""The topics of a simulated robot. They are the same as the topics of a ROSbot."""
+"""The topics of a simulated robot, which are those of a ROSbot."""
 
 from array import array
 from collections import deque

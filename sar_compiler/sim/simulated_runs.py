@@ -26,7 +26,7 @@ _MAX_ATTEMPTS = 4
 # A part of the message of `sim.isolation` about other nodes.
 _OTHER_NODES = "must not mix with another robot"
 
-# The number of runs after which a process is replaced, which also frees the resources that the runs have leaked.
+# The number of runs after which a process is replaced. This frees resources that the runs have leaked.
 _MAX_RUNS = 50
 
 _is_stopping = threading.Event()

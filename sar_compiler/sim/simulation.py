@@ -187,8 +187,8 @@ STEP_NS = 50_000_000
 STEP_SEC = STEP_NS / 1e9
 # The maximum delay for which the simulation catches up, seconds of wall time.
 _CATCH_UP_SEC = 0.05
-# The number and the minimum duration (seconds of wall time) of the executor rounds after the end of the simulation, in which the ends of
-# goals reach their clients.
+# After the simulation has ended, the executor runs this number of rounds of at least this duration (seconds of wall time), so that clients
+# receive the results of their goals.
 _FAREWELL_ROUNDS = 5
 _FAREWELL_SEC = 0.01
 # The time limit for the thread to end after a stop request, seconds of wall time. On a busy machine a step takes much longer than usual, and

@@ -21,7 +21,7 @@ def create_document(path: Path) -> None:
     """Create a tree file with an empty tree.
 
     Raises:
-        WriteError: If the file exists, its name has another ending, or it cannot be written.
+        WriteError: If the file exists or cannot be written, or its name does not end with .xml, .yaml or .yml.
     """
     form = FORMS.get(path.suffix.lower())
     if form is None:
@@ -49,7 +49,7 @@ class EditedDocument:
     def load(self) -> Mapping[str, object]:
         """Return the text and the version of the file.
 
-        If all lines of the file end with CRLF, they end with LF in the returned text, and are written with CRLF again.
+        If all lines of the file end with CRLF, the returned text has LF instead, and `save_text` writes CRLF again.
 
         Raises:
             UnreadableFileError: If the file cannot be read.

@@ -185,13 +185,13 @@ class Studio:
         """Return the edits that rename the tree in the attribute `ID` of an element wherever its name occurs in the text.
 
         Raises:
-            EditError: If the element has no name of a tree, or another file also contains the name.
+            EditError: If the element does not name a tree, or another file also contains the name.
         """
         loaded = self._load(text)
         span = EditedFile(loaded.forest.main).element(element).value_span("ID")
         named = name_at(loaded, loaded.source.offsets(span)[0])
         if named is None:
-            message = "this element has no name of a tree"
+            message = "this element does not name a tree"
             raise EditError(message)
         spots = rename_edits(named, name)
         other = next((each.source.path for each, _ in spots if each.source is not loaded.source), None)

@@ -267,7 +267,7 @@ _SIGN = re.compile(r"[^\w ?/=\x80-\U0010ffff]|(?<!\w)[_=]|_(?!\w)")
 # Characters that even as entities form markup with the next character (line breaks, formulas, icons). A zero-width
 # space separates them.
 _APART = "\\$:"
-# The limits of GitHub, GitLab and other sites that draw Mermaid, which a page cannot raise.
+# The limits of sites that draw Mermaid, such as GitHub and GitLab. A page cannot raise these limits.
 _MOST_EDGES, _LONGEST_CHART = 499, 50_000
 _EDGE = " --> "
 

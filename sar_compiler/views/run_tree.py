@@ -25,7 +25,7 @@ def _bound_node(tree: Drawable, behaviour: Behaviour) -> BoundNode:
 
 
 def _constants(tree: Drawable) -> list[int]:
-    """Return the numbers of leaves that always return the same status, which cannot explain a failure."""
+    """Return the numbers of leaves with a constant status. Such a leaf cannot explain a failure."""
     nodes = ((number, each, _bound_node(tree, each).spec) for number, each in enumerate(pre_order(tree.root)))
     return [number for number, each, spec in nodes if not each.children and len(set(spec.statuses)) == 1]
 

@@ -5,7 +5,7 @@ change, and `bye` at the end.
 
 Why the first `changes` contain the whole state, as changes of an empty state: the page then needs only one function for the
 start, for every later message and for a reconnection. A browser reconnects automatically after an interruption. It then opens a
-new stream and receives the state of that time, so that no message has to be stored or numbered.
+new stream and receives the state at that time. No message has to be stored or numbered.
 
 Why a browser misses no change in between: the feed, its states and all streams belong to one thread and one event loop.
 `stream` registers the browser and reads the state without an `await`, so that every change is either in this state or in

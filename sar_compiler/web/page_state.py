@@ -149,7 +149,7 @@ class PageState:
         self._passed = 0.0
         self._began = 0.0
         self._mission = MissionState()
-        # The last status of each node by the node's number, and the numbers of the nodes that were reset after their last status.
+        # The last status of each node, by the node's number, and the numbers of the nodes that were reset since then.
         self._last: dict[int, LastStatus] = {}
         self._reset_nodes: set[int] = set()
         # The cause of the run's failure, which another module determines.

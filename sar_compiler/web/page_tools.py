@@ -44,7 +44,7 @@ class LiveTools:
     """The queries about a run in this process.
 
     Args:
-        log: Called with a message about breakpoints, and with a sentence about the node that pauses the tree, or an empty string when the tree
+        log: Called with a message about breakpoints, and with the reason for which the tree is paused; the reason is empty when the tree
             continues.
     """
 

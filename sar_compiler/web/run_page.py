@@ -239,8 +239,8 @@ class _TeamPage:
     Attributes:
         feed: The events for the page.
         orders: Carries out commands; None without ROS.
-        reading: The lock that is held while a journal is read, because the check for a writer releases the file locks of other readers in this
-            process.
+        reading: The lock that is held while a journal is read. Otherwise the check for a writer would release the file locks of other
+            readers in this process.
     """
 
     feed: LiveFeed

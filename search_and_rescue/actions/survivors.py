@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _MAP_TOPIC = "map"
 """The topic with the map, published by Nav2's map server or by SLAM. Late subscribers receive the last map."""
 
-# A cell of the map is occupied from this percentage on, as map_server writes them.
+# A map cell with at least this percentage is occupied, as in the maps of map_server.
 _OCCUPIED = 65
 
 _SEEN_AT_ONCE = 100

@@ -362,7 +362,7 @@ class NavigateToPiece(NavigateTo):
         return self._robot.last_pose() if self._robot is not None else None
 
     def _add_seen_ground(self) -> None:
-        # The distance that is possible since the last update depends on the time since then, which is long in fast simulations.
+        # The limit for a jump grows with the time since the last update, which can be long with fast simulated time.
         now = self._clock.now()
         passed, self._looked_at = now - self._looked_at, now
         place = self._robot_pose()

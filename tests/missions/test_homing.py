@@ -184,7 +184,7 @@ def test_the_point_of_no_return_is_where_the_robot_only_just_comes_home() -> Non
     made.is_asked = True
     # 15 m home; of 55 % the reserve and the way home leave 25 %: 12.5 m away and back.
     assert [each.text.rpartition(" ")[0] for each in made.figures()[:2]] == [
-        "battery to come home 15",
+        "battery for the way home 15",
         "metres to the point of no return 12",
     ]
     assert made.figures()[2].value == pytest.approx(0.25 / 1e-9)
@@ -200,7 +200,7 @@ def test_a_search_shows_it_where_it_is_asked() -> None:
     before = [each.name for each in search.display().figures]
     made.is_asked = True
     assert [each.name for each in search.display().figures[len(before) :]] == [
-        "battery to come home",
+        "battery for the way home",
         "metres to the point of no return",
         "seconds to the point of no return",
     ]

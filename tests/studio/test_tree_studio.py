@@ -234,7 +234,7 @@ def test_a_tree_that_is_given_its_own_name_is_not_edited():
         ("burn", {}, "unknown request 'burn'"),
         ("edit", {"operation": "delete", "arguments": {"element": 0}}, "contains the whole file"),
         ("verify", {"text": "<root"}, "not well-formed"),
-        ("rename", {"element": 0, "name": "A"}, "has no name of a tree"),
+        ("rename", {"element": 0, "name": "A"}, "does not name a tree"),
     ],
 )
 def test_a_question_without_an_answer_says_why(question, values, error):

@@ -145,7 +145,7 @@ function nothingToDo(run) {
 /** The checklist of a run that has not started. */
 function awaited(run) {
   if (!run.awaited.length) return [];
-  const items = run.awaited.map(({ name, problem }) => html("span", { class: problem ? "missing" : "there" }, html("b", { "aria-hidden": "true" }, problem ? "…" : "✓"), html("span", { class: "unseen" }, problem ? "waiting for " : "there: "), name));
+  const items = run.awaited.map(({ name, problem }) => html("span", { class: problem ? "missing" : "there" }, html("b", { "aria-hidden": "true" }, problem ? "…" : "✓"), html("span", { class: "unseen" }, problem ? "waiting for " : "available: "), name));
   return [html("li", { class: "checklist" }, ...items)];
 }
 
