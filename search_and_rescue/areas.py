@@ -28,7 +28,7 @@ MAX_RANGE_M = 1_000.0
 """The maximum detection range and sweep width, metres. They are limited because every map cell within the range is examined."""
 # A polygon that extends beyond the geofence by at most this distance is inside.
 _TOLERANCE_M = 1e-6
-# If every corner is this close to the numbers of the georeference (latitude and longitude), the corners are probably in degrees.
+# Corners within this distance of the georeference (latitude and longitude) are probably in degrees.
 _NEAR_DEG = 0.5
 
 

@@ -124,7 +124,7 @@ def _add_zone(request: Any, values: Mapping[str, Any]) -> None:
 def _add_hint(request: Any, values: Mapping[str, Any]) -> None:
     request.zone_id, request.likelihood_ratio = values["zone"], values["times"]
     request.point.header.frame_id = MAP_FRAME
-    # The leaf refuses a hint without a zone and without a position.
+    # The leaf refuses a hint that has neither a zone nor a position.
     request.point.point.x, request.point.point.y = (
         math.nan if values[axis] is None else values[axis] for axis in ("x", "y")
     )

@@ -2,8 +2,8 @@
 
 They show whether everything that a mission needs is installed.
 
-The check examines the installed files, and for one second the ROS graph for conflicting sources. To check that a robot is ready for a tree,
-use `ros2 mission run TREE --check`.
+The check examines the installed files. It also observes the ROS graph for one second, to find conflicting sources. To check that a robot
+is ready for a tree, use `ros2 mission run TREE --check`.
 """
 
 from collections.abc import Callable

@@ -91,10 +91,7 @@ def sweep_missions(options: argparse.Namespace) -> int:
 
 
 def _rows(options: argparse.Namespace) -> "Iterator[tuple[SweepRow, SimulatedRuns]]":
-    """Check all worlds and faults.
-
-    Then yield, for each combination, a row and the object that executes its runs.
-    """
+    """Check all worlds and faults. Then yield the row of each combination, with an object that executes its runs."""
     from sar_compiler.analysis.sweep import SweepRow
     from sar_compiler.sim.simulated_runs import SimulatedRuns
 

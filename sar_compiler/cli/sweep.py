@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from sar_compiler.analysis.sweep.workers import ReplaceableExecutor
     from sar_compiler.analysis.sweep_runs import ScenarioRuns
 
-# The half-width of the interval of a tree that always succeeds is below 0.02 after four batches.
+# For a tree that always succeeds, the half-width of the confidence interval is below 0.02 after four batches.
 _BATCH = 25
 _MAX_SEC = 600.0
 

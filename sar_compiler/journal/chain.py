@@ -43,7 +43,7 @@ def link_of_entry(
         wall: The time of writing, in seconds since 1970.
         time: The time of the mission's clock, in seconds; 0 for the start and end of a run.
         kind: The entry's kind.
-        data: The entry's data, as JSON text like in the file.
+        data: The entry's data, as JSON text, as in the file.
     """
     kind_bytes = kind.encode("utf-8", "surrogateescape")
     # The additions convert -0.0, which SQLite does not store, to 0.0.
@@ -72,7 +72,7 @@ def run_start_link(
         position: The position of the run's start.
         run: The run's number.
         wall: The start, in seconds since 1970.
-        about: The description of the run, as JSON text like in the file.
+        about: The description of the run, as JSON text, as in the file.
         of_mission: For the first run, the keys and values of the mission's description, ordered by key.
     """
     return link_of_entry(position.link, *_run_start_row(position.number, run, wall, about, of_mission))
@@ -166,7 +166,7 @@ class JournalChain(NamedTuple):
         runs: The number of unaltered starts of runs.
         heads: The link of each run's end as hexadecimal digits, by the number of the run.
         is_closed: Whether the last entry is the end of a run.
-        wrong: The first entry whose link is wrong; None if all links are right.
+        wrong: The first entry whose link is wrong; None if all links are correct.
     """
 
     entries: int

@@ -119,7 +119,7 @@ _ENTRIES = "SELECT number, run, wall, time, kind, data FROM"
 # The maximum number of SQLite's steps in one read, about twenty times the usual number: a constant plus a number per byte of the file.
 _STEPS, _STEPS_PER_BYTE = 2_000_000, 20
 
-# The number of attempts while another process may be testing the lock, and their interval.
+# The number of attempts to lock a file that another process may be testing, and the interval between them, in seconds.
 _ATTEMPTS, _RETRY_SEC = 10, 0.02
 
 _SIDECARS = ("-wal", "-shm", SUFFIX)
@@ -560,7 +560,7 @@ class JournalFile:
                 entries.append(self._begin_of(run, about))
             if run.number not in mark.ended and (end := self._end_of(run)) is not None:
                 entries.append(end)
-        # Not sorted by time, because the system's clock may have been set back.
+        # The entries are not sorted by time, because the system's clock may have been set back.
         rank = {RUN_BEGAN: 0, RUN_ENDED: 2}
         entries.sort(key=lambda entry: (entry.run, rank.get(entry.kind, 1), entry.number))
         following = ReadCursor(
@@ -725,7 +725,7 @@ class JournalFile:
         """Close the journal, and release the lock of the file."""
         with suppress(sqlite3.Error):
             self._connection.close()
-        # After the connection is closed, because closing any descriptor of the file releases SQLite's locks.
+        # The lock is released last, because closing any descriptor of the file releases SQLite's locks.
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
@@ -761,7 +761,7 @@ def _is_used(path: Path) -> bool:
 
 def _open_locked(path: Path) -> int:
     """Open or create a file, and lock it until the process ends."""
-    # Not blocking, because opening a pipe without a reader would block forever.
+    # `O_NONBLOCK`, because opening a pipe without a reader would block forever.
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CREAT, 0o644)
     try:
         require_regular_mode(os.fstat(descriptor).st_mode)

@@ -45,7 +45,7 @@ class FactState(Protocol):
     """A state that is computed from events, such as the state of a mission."""
 
     def apply(self, fact: JournalEntry) -> None:
-        """Apply an event to the state. This happens in the run that records the event and in all later runs.
+        """Apply an event to the state. Called in the run that records the event, and in all later runs.
 
         Raises:
             ArithmeticError, AttributeError, LookupError, TypeError or ValueError: If the event is impossible in this state.
@@ -97,11 +97,11 @@ class Journal:
 
     Args:
         file: The file, open and locked; None for a journal without a file.
-        aside: The backup name for the file if it contains another mission and a new file replaces it; None to continue the file.
+        aside: The name under which the file is kept if it contains another mission; None to continue the file.
         apply: Applies each event to a state while no mission is attached.
 
     Attributes:
-        aside: The backup name of the other mission's file, before and after the renaming; None if there is no other mission.
+        aside: The name under which another mission's file is or will be kept; None if there is no other mission.
         is_resumed: Whether an earlier run started the mission.
         clock: The mission's clock.
         head: The head of the file's chain, as hexadecimal digits; empty before the run has ended.
@@ -145,7 +145,7 @@ class Journal:
         self._is_written = False
         self._reserve: SpillFile | None = None
         self._numbers: dict[str, int] = {}
-        # The entries to write, and the time since when the oldest observation waits, or of the last failed attempt.
+        # The entries to write, and the time at which the oldest observation was queued or the last attempt failed.
         self._watched: list[Row] = []
         self._pending: list[Row] = []
         self._end: RunEnd | None = None

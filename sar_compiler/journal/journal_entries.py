@@ -41,7 +41,7 @@ LEAF_RAISED = "leaf_raised"
 number or null, and the `text`."""
 
 CHANGED = "changed"
-"""The kind of the entry that follows an event. It contains a sentence about the event, and what the event changed on the display."""
+"""The kind of the entry that follows an event. It contains a sentence about the event, and the changes of the display."""
 
 STATUS, LACKS, BREAKPOINT = "status", "lacks", "breakpoint"
 """The kinds of observations about a node's status, the reason why the robot cannot drive, and the breakpoint that pauses the tree."""
@@ -83,7 +83,7 @@ def check_value_types(kind: str, data: Mapping[str, Any]) -> None:
     types = _VALUE_TYPES.get(kind, {})
     for name, value in data.items() if types else ():
         wanted = types.get(name)
-        # Not `isinstance`, for which a bool is an integer.
+        # `isinstance` would accept a bool as an integer.
         if wanted is not None and type(value) is not wanted and (value is not None or kind == STATUS):
             expected = "an integer" if wanted is int else "a string"
             raise TypeError(f"'{name}' of an entry '{kind}' is {value!r:.40} instead of {expected}")

@@ -31,7 +31,7 @@ _ALARM_IS_ERROR = 40
 _STOP_BUTTON = "Press the stop button on the robot: STOP on the page may not reach it"
 # The words for the state of locations that the mission has not finished.
 _UNFINISHED_WORDS: Mapping[int, str] = {Level.TO_COME: "not reached", Level.IN_HAND: "not finished"}
-# A verb of a reason that is a clause, such as "the battery is low". Other reasons are phrases, such as "skipped by Ann".
+# A reason with one of these verbs is a clause, such as "the battery is low". Other reasons are phrases, such as "skipped by Ann".
 _VERB = re.compile(r"\b(is|are|was|were|has|have|had|does|do|did)\b")
 # The maximum number of names in a list; further names are only counted.
 _MAX_NAMES = 5
@@ -124,7 +124,7 @@ def _is_over(state: MissionState) -> bool:
 
 
 def _missed_end(state: MissionState) -> Landmark | None:
-    """Return the location at which the robot should have ended but has not, or None if there is none."""
+    """Return the location where the robot should be at the end but is not, or None if there is none."""
     ends = [each for each in state.situation.landmarks.values() if state.situation.kind_of(each).is_end]
     return ends[0] if ends and all(each.level != Level.DONE for each in ends) else None
 

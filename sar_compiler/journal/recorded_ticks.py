@@ -80,7 +80,7 @@ class TickLog(TickSource):
         self.count, self.is_alone = len(nodes), is_alone
         self._nodes, self._start = nodes, 0.0
         self._numbers, self._times = array("q"), array("d")
-        # Ticks with equal content share the content: the number of each tick's content, and the contents by number.
+        # Equal contents are stored once: the number of each tick's content, and the contents by number.
         self._contents = array("q")
         self._known: dict[_TickContent, int] = {}
         self._by_number: list[_TickContent] = []

@@ -22,7 +22,7 @@ RawRow = tuple[Any, ...]
 
 _NODE, _TICK, _STATUS = '{"node": ', ', "tick": ', ', "status": '
 _RUNNING = re.compile(r'"RUNNING", "message": "(?:[^"\\]|\\.)*"([^"]*|, "label": "[^"]*")\}')
-# The maximum number of cached texts, because the messages in them may all differ.
+# The maximum number of cached texts. Without a limit, different messages could fill the memory.
 _MAX_TEXTS = 10_000
 _UNKNOWN = -1
 

@@ -43,7 +43,7 @@ class SpilledEntries(NamedTuple):
     Attributes:
         began: The start of the journal's first run, in seconds since 1970, which identifies the journal.
         facts: The waiting events.
-        end: The end of the run if it is waiting, too; otherwise None.
+        end: The end of the run, if it is not in the journal yet; otherwise None.
     """
 
     began: float = 0.0

@@ -36,7 +36,7 @@ def detections_to_visit(state: MissionState) -> list[Landmark]:
 
 
 def unfinished_locations(state: MissionState) -> dict[str, list[str]]:
-    """Return the names of unfinished locations, grouped by state. Each name has the reason for the state."""
+    """Return the names of unfinished locations, grouped by state. The reason for the state follows each name."""
     places: dict[str, list[str]] = {}
     for each in state.situation.landmarks.values():
         if each.state and each.level != Level.DONE and not state.situation.kind_of(each).is_found:

@@ -254,12 +254,12 @@ def _value(value: Any) -> str:
     return ", ".join(map(_value, value)) if isinstance(value, list) else str(value)
 
 
-# Any other text is not a picture and is omitted.
+# The form of a picture's text. Any other text is omitted.
 _BASE64 = re.compile(r"[A-Za-z0-9+/]+=*", re.ASCII)
 # The size of a symbol and the margin of the map, as fractions of the map's longer edge.
 _SYMBOL = 1 / 90
 _MARGIN = 1 / 20
-# The scale of marks, which are about 24 units wide, in symbols for each unit.
+# The size of a mark's unit, in symbols. Marks are about 24 units wide.
 _MARK = 0.12
 # The size of a label's letters in symbols, the relative size of a state's letters, and the ratio of width to height.
 _LETTER, _STATE, _WIDE = 2.2, 0.7, 0.62
@@ -396,7 +396,7 @@ def _drawing(state: MissionState) -> Mapping[str, object] | None:
 
 
 def _north(state: MissionState, extent: MapBox, size: float) -> Mapping[str, object]:
-    """Return the sign in the map's upper right corner: an arrow to the north, or axes if it is unknown."""
+    """Return the sign in the map's upper right corner: an arrow to the north, or axes if north is unknown."""
     place = georeference(state)
     return {
         "x": f"{extent.right - 4 * size:.3f}",

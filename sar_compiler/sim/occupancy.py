@@ -19,7 +19,7 @@ UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 # The grey values that map_saver writes for the three states.
 _PIXELS = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
 _OCCUPIED_THRESH = 0.65
-# Below the darkness of grey value 205 (50/255 = 0.19608), because with map_saver's 0.25 map_server reads unknown cells as free.
+# Slightly below the darkness of grey value 205 (50/255 = 0.19608). With map_saver's 0.25, map_server reads unknown cells as free.
 _FREE_THRESH = 0.196
 # The number of cells that the planner can process with about a gigabyte of memory: 70 m x 70 m with cells of 5 cm.
 _MAX_CELLS = 2_000_000

@@ -23,7 +23,7 @@ from sar_compiler.sim.world import Floats
 _NEAR_COST = 8.0
 # The distance over which the additional cost near an obstacle falls to 1/e, metres.
 _FALL_OFF = 0.25
-# A start may be up to this distance, metres, from a position at which the body fits: a robot can drive away from a wall that it touches.
+# A robot that touches a wall can start if its body fits at a position within this distance, metres.
 _START_SLACK = 0.15
 # The length of the path section over which positions are averaged to round corners, metres.
 _SMOOTHING = 0.45
@@ -65,7 +65,7 @@ class PlanningError(SarError):
 class Planner:
     """Plans paths for a round robot.
 
-    All cells below the robot must be known to be free; unknown cells count as occupied.
+    All cells under the robot must be known to be free; unknown cells count as occupied.
 
     Args:
         occupancy: The map.
@@ -76,12 +76,12 @@ class Planner:
         self.occupancy = occupancy
         self._radius = robot_radius
         self.clearance = clearance(occupancy)
-        # Half a cell, because the clearance is measured to the centre of the blocked cell.
+        # Half a cell is added, because the clearance is measured to the centre of the blocked cell.
         self.fits = self.clearance >= robot_radius + occupancy.resolution / 2
         near = np.exp(-(self.clearance - robot_radius) / _FALL_OFF)
         self._graph, self._node_of = _grid_graph(self.fits, 1.0 + (_NEAR_COST - 1.0) * near)
         self._cells = np.argwhere(self.fits)
-        # Cached, because a comparison of locations requires many paths to each location.
+        # The results are cached, because a comparison of locations requires many paths to each location.
         self._next_nodes_to = lru_cache(_CACHED_GOALS)(partial(_next_nodes, self._graph))
 
     def plan(self, start: Pose2D, goal: Pose2D, tolerance: float = 0.0) -> Path2D:

@@ -468,7 +468,7 @@ def _connections(nodes: Sequence[DrawnNode], blocks: Sequence[Block]) -> Iterato
         if not children:
             continue
         if block.beside:
-            # In the middle of the gap between the levels, regardless of the children's boxes.
+            # The edges bend in the middle of the gap between the levels, regardless of the children's boxes.
             bend = (block.bottom + children[0].y) / 2
             yield f"M{block.anchor:.0f} {block.bottom:.0f}V{bend:.0f}"
             for child in children:
@@ -513,7 +513,7 @@ def _outline(shape: Shape, x: int, y: int, wide: int, high: int) -> str:
     return f"M{x + corner} {y}h{h}{one}v{v}{two}h{-h}{three}v{-v}{four}z"
 
 
-# The signs of the x and y steps at the corners of a box, clockwise from the upper right corner.
+# The directions (1 or -1) of the x and y steps at the corners of a box, clockwise from the upper right corner.
 _TURNS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 
 

@@ -108,8 +108,8 @@ _NAMED = 8
 def group_by_cause(findings: Iterable[Diagnostic]) -> list[Diagnostic]:
     """Merge findings with the same cause into one finding that lists the other locations or subjects.
 
-    Up to `FEW` findings with the same message, all in one file, are not merged. A cause with up to `FEW` different
-    messages results in at least one finding for each message.
+    Up to `FEW` findings with the same message in one file are not merged. If a cause has up to `FEW` different messages,
+    at least one finding remains for each message.
     """
     causes = _groups(findings, lambda each: (each.cause, each.severity))
     return [merged for group in causes for merged in _merge_cause(group)]

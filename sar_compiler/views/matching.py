@@ -348,7 +348,7 @@ def _chain_pairs(old: Sequence[Hashable | None], new: Sequence[Hashable | None])
             continue
         nth = met[key]
         met[key] += 1
-        # From the last position to the first, so that no chain uses two positions for the same key.
+        # Positions are tried from last to first, so that no chain uses two positions for the same key.
         for j in reversed(places[key][max(nth - _NEAR, 0) : nth + _NEAR + 1]):
             length = bisect.bisect_left(ends, j)
             link = _Link((i, j), chains[length - 1] if length else None)

@@ -302,7 +302,7 @@ def _names(chain: Sequence[NodeState]) -> Iterator[Piece]:
 
     A long chain is shortened.
     """
-    # A subtree often has the name of its root.
+    # A subtree and its root often have the same name, which is shown once.
     nodes = [
         next(same) for _, same in itertools.groupby(chain, lambda node: (node.name, status_sign(node.status)))
     ]

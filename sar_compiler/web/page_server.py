@@ -101,7 +101,7 @@ class PageQuery(NamedTuple):
     """A query about a run for engineers on the page.
 
     Attributes:
-        ask: Returns the result as JSON values, in a separate thread; raises a `SarError` for an impossible query.
+        ask: Called in a separate thread; returns the result as JSON values, or raises a `SarError` for an impossible query.
         is_free: Whether the query needs no token, because it has no side effects.
     """
 

@@ -29,7 +29,7 @@ _LOG, _RECENT, _IMPORTANT = 2000, 300, 1400
 _TRAIL = 1000
 # The maximum number of status changes of leaves, and the number of latest changes that are kept if there are more.
 _LANES, _KEPT_LANES = 2000, 1200
-# The number of last log lines among which a late line of the ROS log is sorted by time.
+# A late line of the ROS log is sorted by time among this number of last lines.
 _LATE = 50
 
 PageChange = dict[str, Any]
@@ -70,7 +70,7 @@ class LastStatus(NamedTuple):
     def with_status(
         self, status: str, message: str, label: str, tick: int, now: float, *, was_reset: bool
     ) -> "LastStatus":
-        """Return the record with one further status. After a reset, this status starts a new activation."""
+        """Return a record that includes a further status. After a reset, the status starts a new activation."""
         is_same = self.status == status and not was_reset
         has_failed = status == FAILURE
         took = now - self.since if self.status == RUNNING and status != RUNNING else 0.0
@@ -130,11 +130,11 @@ class GrowingList:
 class PageState:
     """The state of a robot's mission that the page shows, after the entries applied so far.
 
-    A change replaces these parts: `run`, `awaited`, `time`, `nodes`, `pose`, `plan`, `drive`, `condition`, `tasks`, `resume`, `place`, `objects`
-    of commands, `estimate`, `times` of pose, plan and map, `north`, `map`, `kinds` by name, `figures`, `gauges`, `alarms`, `properties` and `why`.
-    It updates single values of `states` (by node), `landmarks` (by kind and name, null for a landmark that has disappeared) and `rasters` (by
-    name). It replaces the end, from an index on, of `log`, `trail` and `lanes` (the status changes of leaves: time, node, status). A change with
-    `begin` replaces the whole state.
+    A change consists of the following parts. A change with `begin` replaces the whole state.
+    - New values of `states` (by node), `landmarks` (by kind and name, null for a landmark that has disappeared) and `rasters` (by name).
+    - New ends, from an index on, of `log`, `trail` and `lanes` (the status changes of leaves: time, node, status).
+    - All other parts as a whole, such as `run`, `nodes`, `pose`, `condition`, `tasks`, `times` (of pose, plan and map), `figures` and `why`. The
+      list is in `_READ`.
 
     Args:
         robot: The robot's index among the robots of the page.
@@ -315,7 +315,7 @@ class PageState:
         self._landmarks.update(dict.fromkeys([*keys, *self._gone]))
         self._rasters.update(each["name"] for each in data.get("rasters", ()))
         if "kinds" in data or not self._gone.isdisjoint(keys):
-            # Landmarks of an earlier run may have disappeared, or a landmark has disappeared and appeared again.
+            # Landmarks of an earlier run may have disappeared, or a landmark was replaced. The page then needs the whole state.
             self._is_new = True
         if self._fact is not None and (sentence := data.get("said")):
             *when, _ = self._log.values[self._fact]

@@ -84,7 +84,7 @@ class LiveTools:
             self._entries.append(entry)
 
     def release_abandoned(self) -> None:
-        """Resume a paused tree if no browser has sent queries recently. This must be called regularly."""
+        """Resume a paused tree if no browser has sent queries recently. Must be called regularly."""
         self._breakpoints.release_if_abandoned()
 
     def stop_pausing(self) -> None:

@@ -30,8 +30,8 @@ _OCCUPIED_SEC = 60.0
 _PROGRESS_SEC = 1.0
 _ABORTED = 6
 
-# Nav2's error codes, from the action definitions of nav2_msgs. Each server has a range of a hundred. `NavigateToPose` passes on the code of
-# the server that failed.
+# Nav2's error codes, from the action definitions of nav2_msgs. Each server has a range of a hundred codes. `NavigateToPose` returns the
+# code of the server that failed.
 FOR_GOOD = (101, 201, 204, 9001)
 """Error codes for goals that always fail, because a plug-in or tree is missing or the goal is outside the map."""
 OCCUPIED = 206

@@ -46,7 +46,7 @@ _OPEN = "zones_left > 0 && piece_open"
 
 # Positions closer together than this are the same position, metres.
 _STANDS_M = 0.05
-# If the position changes by more than this distance, metres, and speed, m/s, the localisation has jumped.
+# A change of position above this distance, metres, and above this speed, m/s, is a jump of the localisation.
 _JUMP_M, _FASTEST_MPS = 2.0, 1.5
 # By default, Nav2 regards a pose as passed within 0.7 m. If the robot stayed farther away than this, metres, it did not pass the pose.
 _PASSES_M = 3.0
