@@ -1,8 +1,8 @@
 """Search and rescue: the mission's leaves, and the state that the leaves share.
 
-The entry point `sar_compiler.nodes` names this module. It contains the specification of every leaf, which
-`make schemas` writes. The classes are imported when a tree is made, without ROS: rclpy and the message types
-are imported when a leaf is set up.
+The entry point `sar_compiler.nodes` names this module. The specs of the leaves are in `leaf_specs.json`, which
+`make schemas` generates. The classes of the leaves are imported when a tree is constructed, without ROS: rclpy
+and the message types are imported when a leaf is set up.
 """
 
 from pathlib import Path

@@ -65,7 +65,7 @@ def read_areas_file(reader: ParameterReader) -> None:
         except _AreasFileError as error:
             reader.report_error(AREAS_FILE, str(error), file.location_of(*error.path))
     if len(reader.problems) > before and _ORDER not in reader.parameters:
-        # Raise now, because the missing zones would be reported as a second error.
+        # The error is raised now. Otherwise the missing zones would be reported as a second error.
         reader.complain()
 
 

@@ -85,7 +85,7 @@ class EnergyModel:
         self._metres = 0.0
         self._since: _BatteryReading | None = None
         self._lowest = math.inf
-        # Least-squares sums: metres by metres, metres by seconds, seconds by seconds; each with the consumption.
+        # Least-squares sums: metres by metres, metres by seconds, seconds by seconds; metres and seconds by consumption.
         self._mm = self._ms = self._ss = self._mu = self._su = 0.0
 
     def on_odometry(self, x: float, y: float) -> None:

@@ -191,7 +191,7 @@ class BatterySuffices(_Failsafe, TopicLeaf):
         if not self._is_limit_recorded:  # the pages display the limit beside the charge
             self._is_limit_recorded = True
             self.record.journal.record_observation(BATTERY, share=share, at_least=self.at_least)
-        # Both numbers would be equal if a charge just below the limit were rounded to whole percents.
+        # Rounded to whole percents, a charge just below the limit could look equal to the limit.
         digits = 0 if f"{share:.0%}" != f"{self.at_least:.0%}" else 1
         low = f"the battery is at {share:.{digits}%}, below {self.at_least:.0%}"
         return self._report_problem(low if share < self.at_least else "")

@@ -61,7 +61,7 @@ CHARGING_KIND = LandmarkKind("charging place", "charging places", "square")
 """The kind of landmark that is displayed if there are charging places."""
 # The order of visits has at most this number of lines in the log.
 _MAX_LINES = 20
-# The alarm level of a return home after which the mission continues, which is the level of a warning in the log.
+# The alarm level of a return home after which the mission continues: that of a warning in the log.
 _WARNING = 30
 BASE = "base station"
 """The name of the base station in the display."""

@@ -71,9 +71,9 @@ _STATUSES = (
     "Exit status: 0 without findings; 1 with findings; 2 wrong usage, or a missing or unreadable file; "
     "3 a check failed with an internal error (the other findings are reported)."
 )
-# The prefixes of the path of a finding about a command-line option.
+# The path of a finding about a command-line option begins with one of these prefixes.
 _OPTION_SOURCES = ("--", "command line")
-# The formats of `show` that functions of these names in `views.drawing` produce.
+# The formats of `show` for which `views.drawing` has a function of the same name.
 _PICTURES = ("svg", "mermaid", "dot")
 
 
@@ -255,7 +255,7 @@ def _diff(arguments: argparse.Namespace) -> int:
     from sar_compiler.views.difference import difference, difference_as_json, difference_as_text
 
     old, new = (read_tree_file(find_tree(name)) for name in (arguments.old, arguments.new))
-    with gc_paused():  # the garbage collector would scan the two trees repeatedly in vain
+    with gc_paused():  # otherwise the garbage collector scans both trees repeatedly
         differences = budget_of(arguments, patience_sec=0.0).run(lambda: difference(old, new))
     if arguments.format == "json":
         print(difference_as_json(differences))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sar_compiler.sim.simulation import Simulation
     from sar_compiler.sim.world import World as SimulatedWorld
 
-# The interval of checks that the simulation is still running, in seconds.
+# The interval between checks of whether the simulation is still running, in seconds.
 _CHECK_SEC = 0.5
 _ROBOT = report_argument_errors(parse_placement)
 _FAULT = report_argument_errors(partial(parse_fault, targets=NAVIGATION_FAULTS))

@@ -173,7 +173,7 @@ def _rows(arguments: argparse.Namespace) -> "Iterator[tuple[SweepRow, ScenarioRu
 def _combinations(
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[float, Mapping[str, str], Mapping[str, Mapping[str, object]]]]:
-    """Yield a probability of unusual outcomes, row labels and scenario changes for each combination."""
+    """Yield each combination: the probability of unusual outcomes, row labels, and changes of the scenario."""
     axes = [("parameters", each) for each in arguments.vary] + [("facts", each) for each in arguments.set]
     for unusual in arguments.unusual:
         for values in itertools.product(*(listed for _, (_, listed) in axes)):

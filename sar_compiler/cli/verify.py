@@ -175,7 +175,7 @@ def parse_facts(pairs: "list[tuple[str, str]]") -> "Document | None":
         return None
     from sar_compiler.documents.yaml_files import parse_yaml
 
-    # One line for each fact, so that an error shows only the line of the wrong fact.
+    # Each fact has its own line, so that an error shows only the line of the wrong fact.
     text = "".join(f"{name}: {value}\n" for name, value in pairs)
     return parse_yaml(text, "--set", "write FACT=VALUE")
 
@@ -190,7 +190,7 @@ def _assignment(text: str) -> tuple[str, str]:
 class SearchProgress:
     """Shows a search's progress and violated properties on standard error."""
 
-    _PATIENCE_SEC = 1.0  # a violation found earlier only appears in the result
+    _PATIENCE_SEC = 1.0  # a violation found sooner is shown only in the result
 
     def __init__(self) -> None:
         self._line = ProgressLine()

@@ -246,7 +246,7 @@ class JournalFile:
         if not tables:
             self._connection.executescript(_CREATE_SCHEMA)
             _sync_folder(self.path.parent)
-        # Before the journal mode is set, because setting it changes the file.
+        # The file is checked before the journal mode is set, because setting the mode changes the file.
         self._require_journal()
         self._connection.execute("PRAGMA journal_mode = WAL")
         self._write_spilled(self._spilled_entries())
@@ -761,7 +761,7 @@ def _is_used(path: Path) -> bool:
 
 def _open_locked(path: Path) -> int:
     """Open or create a file, and lock it until the process ends."""
-    # `O_NONBLOCK`, because opening a pipe without a reader would block forever.
+    # Without `O_NONBLOCK`, opening a pipe without a reader would block forever.
     descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CREAT, 0o644)
     try:
         require_regular_mode(os.fstat(descriptor).st_mode)

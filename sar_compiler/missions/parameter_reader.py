@@ -359,7 +359,7 @@ class ParameterReader:
         given_in = self.place_of(key).rsplit(":", 2)[0]
         path = Path(given_in).parent / value
         if given_in:
-            # In an installation with symbolic links to the sources, a file has two folders.
+            # In an installation with symbolic links to the sources, the link and the parameter file are in different folders.
             folders = {enclosing_folder(Path(each).parent) for each in (given_in, Path(given_in).resolve())}
             path = NamedPath.confined_to(path, sorted(folders))
         try:

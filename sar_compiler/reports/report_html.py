@@ -254,7 +254,7 @@ def _value(value: Any) -> str:
     return ", ".join(map(_value, value)) if isinstance(value, list) else str(value)
 
 
-# The form of a picture's text. Any other text is omitted.
+# The Base64 text of a picture. Any other text is omitted.
 _BASE64 = re.compile(r"[A-Za-z0-9+/]+=*", re.ASCII)
 # The size of a symbol and the margin of the map, as fractions of the map's longer edge.
 _SYMBOL = 1 / 90
@@ -333,7 +333,7 @@ def _figure_plot(
     def point(wall: float, value: float) -> str:
         return f"{left + width * (wall - began) / whole:.1f},{5 + height * (1 - min(max(value, 0), 100) / 100):.1f}"
 
-    # A value holds until the next value.
+    # A value is valid until the next value.
     ends = [*(moment.wall for moment, _ in course[1:]), state.now.wall]
     steps = [
         point(wall, value)

@@ -59,9 +59,9 @@ _PLACE_REACH = 0.5
 _DIES_AFTER_SEC = 1.0
 # Nav2's default for `default_server_timeout`, seconds; a shorter delay of the response has no effect.
 _SERVER_TIMEOUT_SEC = 0.02
-# The value of a constant in rcl_interfaces/msg/Log, whose own constants are bytes.
+# The integer value of WARN in rcl_interfaces/msg/Log, where the constant is a byte.
 _LEVEL = LoggingSeverity.WARN.value
-# The loggers of the nodes with which the navigator calls other servers, one for each of the navigator's actions.
+# The logger of the node that calls other servers for one of the navigator's actions.
 _CLIENT = "bt_navigator_{}_rclcpp_node"
 # The time for which a drive continues without localisation, simulated seconds.
 _LOST_AFTER_SEC = 0.5

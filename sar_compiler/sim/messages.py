@@ -16,9 +16,9 @@ from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 NANOSECONDS = 1_000_000_000
-# The maximum deviation from 1 of the length of a quaternion that is accepted as a rotation.
+# A quaternion is accepted as a rotation if its length deviates from 1 by at most this value.
 _UNIT_TOLERANCE = 0.1
-# The maximum of the imaginary parts of a quaternion that rotates by about a degree at most.
+# A quaternion whose imaginary parts are at most this value rotates by about a degree at most.
 _STRAIGHT = 0.01
 # The thresholds of a published map, in percent, as in nav2_map_server.
 _FREE_BELOW, _OCCUPIED_ABOVE = 20, 65

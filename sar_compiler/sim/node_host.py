@@ -70,7 +70,7 @@ class PacedExecutor(SingleThreadedExecutor):
                 handler.result()
 
     def _is_over(self) -> bool:
-        # The same condition for every call, because a different condition starts a new round, like a different time-out.
+        # All calls pass the same condition object. A different condition would start a new round, like a different time-out.
         return self._over()
 
 

@@ -131,7 +131,7 @@ def _brightness(path: Path) -> tuple[NDArray[np.uint16], int]:
         raise _ImageError(f"the image is larger than {IMAGE.limit // 2**20} MiB")
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # checked below
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the size is checked below
             # Pillow knows the size before it decodes the image.
             with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
                 _require_size(*image.size)

@@ -19,7 +19,7 @@ from sar_compiler.commands import FINDINGS, INTERRUPTED, OK, USAGE
 from sar_compiler.errors import SarError
 from sar_compiler.process_end import dependent_environment
 
-# The ports of higher domains overlap with the range of ports that Linux assigns to any process.
+# The ports of higher domains overlap with the ephemeral ports of Linux.
 _DOMAINS = range(1, 102)
 # The maximum number of attempts for a run that was killed, or that had other nodes in its domain.
 _MAX_ATTEMPTS = 4

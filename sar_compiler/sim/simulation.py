@@ -198,7 +198,7 @@ _JOIN_SEC = 30.0
 _LEAD_STEPS = 2
 # The number of steps between two writes of the robots' poses.
 _WRITE_EVERY = 4
-# The interval of checks that no other simulation has started, seconds of wall time.
+# The interval between checks for other simulations, seconds of wall time.
 _CHECK_SEC = 1.0
 
 _log = logging.getLogger(__name__)
@@ -270,7 +270,7 @@ class Simulation:
         self._clock = self._clock_node.create_publisher(Clock, "/clock", 10)
         self._listener: ROSClock | None = None
         self._jumps: JumpHandle | None = None
-        # Without a map, another process serves the navigation. If it restarts, the graph contains its old server for some time.
+        # Without a map, another process serves the navigation. After its restart, its old server must not be reported as a rival.
         self._actions = [robot.action for robot in robots if navigation is not None]
         self._robots: dict[str, SimulatedRobot] = {}
         for number, (robot, body) in enumerate(zip(robots, bodies, strict=True)):

@@ -372,7 +372,7 @@ def _elements(
 
 
 def _keys(loaded: ProjectTree, numbers: Mapping[tuple[int, int], int]) -> Mapping[str, list[object]]:
-    """Return the keys, each with the file's elements that access the key, and the kinds of access."""
+    """Return, for each key, the file's elements that access the key, and the kinds of access."""
     keys: dict[str, list[object]] = {}
     for accesses in loaded.context.key_accesses.values():
         for each in accesses.accesses:

@@ -177,7 +177,7 @@ def tree_xml(tree: NumberedTree) -> str:
             *writer.node_lines(first),
             f"</{TREE_TAG}>",
         ]
-        # In pre-order, because readers process the uses of a tree in this order.
+        # The trees are written in pre-order, because readers process the uses of a tree in this order.
         waiting += reversed(writer.pop_subtrees())
     models = describe([spec for specs in writer.specs.values() for spec in specs])
     lines += [xml_with_tag_per_line(models) if models.children else f"<{MODEL_TAG}/>", "</root>"]
@@ -250,7 +250,7 @@ class _NodeWriter:
             tag, attributes = bound.spec.tag, dict(bound.element.attributes)
             specs: Sequence[NodeSpec] = [bound.spec]
         else:
-            # Created for an attribute: a py_trees class, whose name is also its tag.
+            # The node was created for an attribute. Its tag is the name of its py_trees class.
             tag = type(node.inner).__name__
             attributes = {
                 name: getattr(value, "name", str(value)) for name, value in node.made.wrapper.items()

@@ -29,7 +29,7 @@ _LOG, _RECENT, _IMPORTANT = 2000, 300, 1400
 _TRAIL = 1000
 # The maximum number of status changes of leaves, and the number of latest changes that are kept if there are more.
 _LANES, _KEPT_LANES = 2000, 1200
-# A late line of the ROS log is sorted by time among this number of last lines.
+# A late line of the ROS log is inserted by time, at most this number of lines before the end.
 _LATE = 50
 
 PageChange = dict[str, Any]

@@ -97,7 +97,7 @@ class MapExtent:
 
     def obstacles(self) -> "ObstacleMap | None":
         """Return the cells that block sight and driving: occupied and unknown cells. None without a complete map."""
-        # Only sweeps need NumPy.
+        # Imported late, because only sweeps need NumPy.
         import numpy as np
 
         from search_and_rescue.coverage import ObstacleMap

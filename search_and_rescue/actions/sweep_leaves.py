@@ -336,7 +336,7 @@ class NavigateToPiece(NavigateTo):
             self.warn(f"'{self.name}' has no target: no piece is open.")
             return self.outcome(Status.FAILURE, "no piece")
         self._zone_id, self._place, self._track = zone, None, []
-        # A piece of another pass is elsewhere, so that failures of this pass say nothing about it.
+        # The target contains the pass, because a failure in one pass says nothing about the pieces of another pass.
         again = f", pass {sweep.passes}" if sweep.passes > 1 else ""
         return self._set_out(zone, sweep, again)
 
