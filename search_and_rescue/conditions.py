@@ -33,7 +33,7 @@ class ZonesRemaining(Behaviour):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Check whether a zone is left."""
+        """Return SUCCESS if a zone is left, otherwise FAILURE."""
         remaining = self._zones.has_remaining()
         self.feedback_message = f"{self._zones.current_index()} of {self._zones.total_zones()} zones visited"
         return Status.SUCCESS if remaining else Status.FAILURE
@@ -61,7 +61,7 @@ class IsSurvivorDetected(Behaviour):
         self._detect_node = detect_node
 
     def update(self) -> Status:
-        """Check the result of the last search."""
+        """Return SUCCESS if the last search detected a survivor, otherwise FAILURE."""
         return Status.SUCCESS if self._detect_node.was_found() else Status.FAILURE
 
 
@@ -89,7 +89,7 @@ class MissionComplete(Behaviour):
         self._zones = zone_manager
 
     def update(self) -> Status:
-        """Check whether any part of the mission is unfinished."""
+        """Return SUCCESS if the mission is complete, otherwise FAILURE."""
         shortfalls = self._record.shortfalls(self._zones)
         self.feedback_message = " ".join(shortfalls)
         return Status.FAILURE if shortfalls else Status.SUCCESS

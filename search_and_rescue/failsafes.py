@@ -79,7 +79,7 @@ class _CommandCondition(_Failsafe):
         super().shutdown()
 
     def update(self) -> Status:
-        """Check whether the operator has given the command."""
+        """Return FAILURE if the operator has given the command, otherwise SUCCESS."""
         return self._report_problem(self._reason() if self.command in self.orders.given else "")
 
     def _reason(self) -> str:
@@ -134,7 +134,7 @@ class NavigationAvailable(_Failsafe):
     """
 
     def update(self) -> Status:
-        """Check the result of the last drive."""
+        """Return FAILURE if navigation was unavailable when the last drive ended, otherwise SUCCESS."""
         lost = self.record.navigation_lost
         return self._report_problem(f"navigation is unavailable ({lost})" if lost else "")
 
@@ -236,7 +236,7 @@ class InsideFence(_Failsafe):
         self._robot = robot_estimate(self.node)
 
     def update(self) -> Status:
-        """Check the position."""
+        """Return FAILURE if the robot is outside the geofence or its last pose is unusable, otherwise SUCCESS."""
         # Without a geofence, do not read a transform on each tick.
         robot = self._robot if self.fence else None
         if robot is not None and robot.pose_problem:
@@ -273,7 +273,7 @@ class MissionTimeLeft(_Failsafe):
         self._began: float | None = None
 
     def update(self) -> Status:
-        """Check the clock."""
+        """Return FAILURE if the time limit has expired, otherwise SUCCESS."""
         now = self.clock.now()
         if self._began is None:
             self._began = now
@@ -319,7 +319,7 @@ class BaseInReach(_Failsafe):
         self._seen: float | None = None
 
     def update(self) -> Status:
-        """Check whether a server for the service of the base station exists."""
+        """Return FAILURE if the base station's service has been missing for too long, otherwise SUCCESS."""
         now, service = self.clock.now(), self.node.resolve_service_name(self.service_name)
         if self._seen is None or self.node.count_services(service):
             self._seen = now

@@ -79,7 +79,7 @@ class NotHeld(RosLeaf):
             self.orders.offer(self.node, command, partial(self._execute, command, action))
 
     def update(self) -> Status:
-        """Check whether the mission is paused, or the plan has changed."""
+        """Return FAILURE if the mission is paused or the plan has changed, otherwise SUCCESS."""
         orders = self.orders
         if orders.plan_change:
             label = "zone skipped" if orders.has_skipped else "plan changed"
@@ -176,7 +176,7 @@ class AwaitStandstill(RosLeaf):
         self._rest = Standstill(self, self._wake, "the command to stop", with_goals=True)
 
     def update(self) -> Status:
-        """Check whether all goals have ended and the robot stands still."""
+        """Return RUNNING until the robot stands still or the time limit expires, then SUCCESS."""
         return Status.RUNNING if self._rest is not None and self._rest.is_awaited() else Status.SUCCESS
 
     def terminate(self, new_status: Status) -> None:

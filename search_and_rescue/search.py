@@ -338,7 +338,7 @@ class Search(MissionRun):
         return {"zones_left": self.zones.total_zones() - self._zones_at_start}
 
     def limits(self) -> dict[str, int]:
-        """Return upper limits of the facts with unknown initial values: the numbers of more pieces and commands."""
+        """Return upper limits of the facts with unknown initial values: the numbers of additional pieces and of commands."""
         return {"more_pieces": _ANY_NUMBER, "orders_left": _ANY_NUMBER}
 
     def verbs(self) -> Sequence[OperatorCommand]:

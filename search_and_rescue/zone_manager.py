@@ -162,7 +162,7 @@ class ZoneManager:
         return next(iter(self.zones_by_urgency()), [])
 
     def zones_by_urgency(self) -> list[list[Zone]]:
-        """Return groups of remaining zones, ordered by number of postponements and then by falling priority."""
+        """Return groups of remaining zones, ordered by number of postponements and then by descending priority."""
         groups: defaultdict[tuple[int, float], list[Zone]] = defaultdict(list)
         for zone in self.remaining_zones():
             groups[self._urgency(zone)].append(zone)

@@ -852,7 +852,7 @@ class _QueryBudget:
         self._steps = self._left = steps
 
     def begin(self) -> None:
-        """Start a read."""
+        """Start to count the steps of a new read."""
         self._left = self._steps
 
     def is_over(self) -> bool:

@@ -298,7 +298,7 @@ def changes(before: Display, after: Display) -> dict[str, Any]:
 
 
 def with_author(text: str, author: CommandAuthor) -> str:
-    """Add the author and the reason of a command to a sentence about the command."""
+    """Add a command's author, and the author's reason, to a sentence about the command."""
     by, reason = author
     if by and by not in text:
         text = text.replace(_OPERATOR, by, 1) if _OPERATOR in text else f"{by}: {text}"

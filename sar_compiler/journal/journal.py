@@ -334,7 +334,7 @@ class Journal:
 
     @contextmanager
     def ordered_by(self, author: CommandAuthor) -> Iterator[list[str]]:
-        """Record the author and reason of a command with every event recorded inside the `with` block.
+        """Record a command's author and reason with every event that is recorded inside the `with` block.
 
         Yield a list to which the kind of each of these events is appended.
         """

@@ -187,10 +187,7 @@ def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
 
 
 def _cause(reason: str) -> str:
-    """Return the end of a task's sentence, which states the reason.
-
-    Omit a reason that only counts attempts.
-    """
+    """Return the part of a task's sentence that states the reason. Omit a reason that only counts attempts."""
     if not reason or reason.startswith("after attempt "):
         return ""
     return f" because {reason}" if _VERB.search(reason) else f", {reason}"

@@ -28,7 +28,7 @@ _UNKNOWN = -1
 
 
 class _StatusText:
-    """The part of a `status` entry's data, as text, that begins with the value of `status`.
+    """The text of a `status` entry's data, beginning with the value of `status`.
 
     Attributes:
         rest: The part of the text after the message if the node is running, otherwise None.

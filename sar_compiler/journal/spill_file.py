@@ -52,10 +52,7 @@ class SpilledEntries(NamedTuple):
 
 
 def lost_events_row(rows: Sequence[Row], numbers: Mapping[str, int]) -> Row:
-    """Return an event that stands for lost events.
-
-    It contains how many were lost, and the highest numbers in use.
-    """
+    """Return an event that replaces lost events: their count, and the highest numbers in use."""
     count = sum(json.loads(row.data)["count"] if row.kind == FACTS_LOST else 1 for row in rows)
     return rows[-1]._replace(kind=FACTS_LOST, data=json.dumps({"count": count, "numbers": dict(numbers)}))
 

@@ -82,7 +82,7 @@ class StatusWatch(VisitorBase):
         return {}
 
     def initialise(self) -> None:
-        """Start a tick."""
+        """Prepare for the statuses of a new tick."""
         self._tick += 1
         self._is_ticking = True
         self._recording_leaves.clear()

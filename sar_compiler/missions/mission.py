@@ -332,7 +332,7 @@ class Mission(ABC):
 
     @abstractmethod
     def begin(self, reader: ParameterReader) -> MissionRun:
-        """Start a run.
+        """Return a new run of the mission with the node's parameters.
 
         Args:
             reader: Reads the node's parameters and collects their errors. An invalid parameter is read as a placeholder value, and the run

@@ -39,7 +39,7 @@ class RunReport(RunExtension):
         )
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Process an entry of the run's journal."""
+        """Update the data of the reports with an entry of the run's journal."""
         shortened = self._paths.shorten(entry)
         self._state.apply(shortened)
         self._analysis.add_entry(shortened)
@@ -66,7 +66,7 @@ class FailureCause(RunExtension):
         self._analysis = FailureAnalysis()
 
     def on_entry(self, entry: JournalEntry) -> None:
-        """Process an entry of the run's journal."""
+        """Add an entry of the run's journal to the analysis."""
         self._analysis.add_entry(entry)
 
     def cause_of_failure(self) -> str:

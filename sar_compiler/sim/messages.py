@@ -30,7 +30,7 @@ def to_stamp(now_ns: int) -> Time:
 
 
 def set_lifecycle_state(response: Any, *, active: bool) -> Any:
-    """Fill in the response of a lifecycle node that is active or inactive."""
+    """Fill in and return the response of an active or inactive node to `get_state`."""
     number = State.PRIMARY_STATE_ACTIVE if active else State.PRIMARY_STATE_INACTIVE
     response.current_state = State(id=number, label="active" if active else "inactive")
     return response

@@ -126,7 +126,7 @@ class RunProcessSlot:
         return self._runs_left > 0 and self._process.poll() is None
 
     def execute(self, arguments: Sequence[str]) -> SimulatedRunResult:
-        """Run a mission."""
+        """Run a mission with the given arguments of `sar-run`, and wait for its result."""
         self._runs_left -= 1
         requests, results = self._process.stdin, self._process.stdout
         assert requests is not None  # noqa: S101 - they are pipes

@@ -77,7 +77,7 @@ def check_placements(world: World, placements: Sequence[Placement]) -> None:
 
 
 def make_robots(world: World, placements: Sequence[Placement], *, seed: int = 0) -> list[Robot]:
-    """Return robots that are obstacles for each other, in the order of their steps.
+    """Create the robots of a world in the order of their steps. Each robot is an obstacle for the others.
 
     Raises:
         PlacementError: If the robots cannot start at their placements.

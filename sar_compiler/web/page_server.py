@@ -430,7 +430,7 @@ class AppServer:
         return f"http://{_ADDRESS}:{self.port}/#{self.token}"
 
     def start(self) -> None:
-        """Start the server."""
+        """Start the server in its own thread."""
         self._thread.start()
 
     def wait(self, timeout_sec: float | None = None) -> bool:
@@ -439,7 +439,7 @@ class AppServer:
         return not self._thread.is_alive()
 
     def close(self) -> None:
-        """End the server."""
+        """Stop the server, and wait for its thread for a limited time."""
         if self._thread.is_alive():
             self._server.should_exit = True
             self._thread.join(2 * _LAST_UPDATES_SEC)

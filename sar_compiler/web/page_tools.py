@@ -79,7 +79,7 @@ class LiveTools:
         self._breakpoints.wake = getattr(engine, "wake", self._breakpoints.wake)
 
     def add_entry(self, entry: JournalEntry) -> None:
-        """Process an entry of the run."""
+        """Store an entry of the run if queries need it."""
         if len(self._entries) < _MAX_ENTRIES and entry.kind in (RUN_BEGAN, STATUS):
             self._entries.append(entry)
 

@@ -305,7 +305,7 @@ class _FailureExplainer:
         self._analysis = FailureAnalysis()
 
     def add_entry(self, entry: JournalEntry) -> None:
-        """Process an entry of the run."""
+        """Add an entry of the run to the analysis. At the end of the run, send the cause of a failure."""
         self._analysis.add_entry(entry)
         if entry.kind == RUN_ENDED:
             self.explain()

@@ -180,7 +180,7 @@ class NavigateTo(ActionLeaf):
         return self.outcome(Status.FAILURE, "unavailable")
 
     def _on_arrival(self) -> None:
-        """Handle the arrival."""
+        """Record the arrival at the target. Overridden by subclasses."""
 
     def _drive_to(self, target: str, *poses: MapPose, headline: str = "") -> Any:
         """Return the goal for poses in the frame `map`. The last pose is the target."""

@@ -46,7 +46,7 @@ class Backoff:
         return self._pause_sec - elapsed if elapsed >= 0.0 else 0.0
 
     def start_pause(self) -> None:
-        """Start a pause."""
+        """Start a pause. After each pause, the next one is twice as long."""
         self._pause_sec = min(self._pause_sec * 2 or self._first_sec, self._longest_sec)
         self._since = self._clock.now()
 

@@ -103,7 +103,7 @@ class _HomingLeaf(RosLeaf):
         super().__init__(self.name)
 
     def setup(self, **kwargs: Any) -> None:
-        """Start listening."""
+        """Subscribe to the data about the battery and the robot."""
         super().setup(**kwargs)
         self._meter.update()
 
@@ -230,12 +230,12 @@ class FullBatterySuffices(RosLeaf):
         )
 
     def initialise(self) -> None:
-        """Request the paths."""
+        """Request the unknown paths of the next leg from the planner."""
         if self._ways is not None and self.homing.has_next:
             self._ways.request_paths(self.homing.required_paths())
 
     def update(self) -> Status:
-        """Return RUNNING until the paths are known, and then decide."""
+        """Return RUNNING until the paths are known, and then whether a full battery suffices."""
         if not self.homing.has_next:
             return self.outcome(Status.FAILURE, "no zone")
         if self._ways is not None and self._ways.are_awaited():
@@ -336,11 +336,11 @@ class AwaitCharge(_HomingLeaf):
     patience: Seconds = 900.0
 
     def initialise(self) -> None:
-        """Start waiting."""
+        """Start measuring the patience."""
         self._began = self.clock.now()
 
     def update(self) -> Status:
-        """Check the battery."""
+        """Return SUCCESS when the battery suffices, FAILURE if waiting cannot help, otherwise RUNNING."""
         now, share = self.clock.now(), self.homing.energy.share
         place = self.record.charging_at or ("home" if self.record.home else "")
         if not (self.homing.has_next and place):

@@ -601,7 +601,7 @@ class LogNoDetection(RosLeaf):
         self._zones, self._record = zone_manager, record or MissionRecord()
 
     def update(self) -> Status:
-        """Log the message."""
+        """Log that no survivor was found, and return SUCCESS."""
         named = self._zones is not None and self._zones.has_remaining()
         zone = self._zones.current_zone()["id"] if self._zones is not None and named else ""
         place = f" at {zone}" if zone else ""

@@ -84,7 +84,7 @@ class ZoneHasGround(_SweepLeaf):
     """Check that the current zone has a polygon, which is necessary for a sweep. Otherwise the leaf fails."""
 
     def update(self) -> Status:
-        """Check the zone."""
+        """Return SUCCESS if the current zone has a polygon, otherwise FAILURE."""
         return Status.SUCCESS if self._zone in self.sweeps.grounds else Status.FAILURE
 
 
@@ -101,7 +101,7 @@ class PiecesRemaining(_SweepLeaf):
     """Check that the current zone's sweep has an open piece. The leaf fails if all pieces are done."""
 
     def update(self) -> Status:
-        """Check the sweep."""
+        """Return SUCCESS if the sweep of the current zone has an open piece, otherwise FAILURE."""
         sweep = self.sweeps.state_of(self._zone)
         self.feedback_message = f"{sweep.done} of {len(sweep.pieces)} pieces done"
         return Status.SUCCESS if sweep.open_count else Status.FAILURE
@@ -128,7 +128,7 @@ class _PlanLeaf(_SweepLeaf):
         map_extent_of(self.node)
 
     def update(self) -> Status:
-        """Start planning, or handle the finished plan."""
+        """Start planning, or record the finished plan."""
         zone = self._zone
         if not zone:
             return self.outcome(Status.FAILURE, "no zone")
