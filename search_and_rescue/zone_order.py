@@ -205,7 +205,7 @@ def _improve_locally(
 def _steps(tour: TourInputs) -> tuple[_Durations, _Durations, _Durations]:
     """Return the step durations (drive and search) from the start and between areas, and the weight of each area.
 
-    The weight is the probability of detection plus a small constant, so that shorter paths are preferred where detection is impossible.
+    The weight is the probability of detection plus a small constant, so that shorter paths are preferred if detection is impossible.
     """
     looks = np.array(tour.looks, dtype=float)
     weights = np.array(tour.finds, dtype=float)

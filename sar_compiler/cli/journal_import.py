@@ -17,7 +17,7 @@ def add_import(parser: argparse.ArgumentParser) -> None:
     add("-o", "--output", type=FILE, required=True, metavar="JOURNAL", help=text)
     text = "the file of the tree that ran (default: the tree in RUN, which is written to JOURNAL.xml); if repeated, the best match is used"
     add("--tree", action="append", default=[], type=ArgumentKind("tree", Path), metavar="TREE", help=text)
-    text = "the last run to import, by its number in the recording, so that this run is explained (default: import all runs)"
+    text = "import only the runs up to this number, so that sar-journal why explains this run (default: import all runs)"
     add("--run", type=run_number, dest="last_run", metavar="NUMBER", help=text)
     add_project_options(parser)
     parser.set_defaults(run=_import)

@@ -22,7 +22,7 @@ def add_watch(parser: argparse.ArgumentParser) -> None:
     add("--topic", metavar="TOPIC", help=text)
     text = "show the tree of a program that uses BehaviorTree.CPP's Groot2Publisher"
     add("--groot2", metavar="HOST:PORT", help=text)
-    text = "the file of the running tree (default: the tree that --groot2 reads); may be repeated to offer several files, of which the best match is used"
+    text = "the file of the running tree (default: the tree that --groot2 reads); if repeated, the best match is used"
     add("--tree", action="append", default=[], type=ArgumentKind("tree", Path), metavar="TREE", help=text)
     text = "write the run of --topic or --groot2 to a new journal, for sar-journal why"
     add("--journal", type=FILE, metavar="FILE", help=text)

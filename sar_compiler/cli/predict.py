@@ -32,7 +32,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--period", type=tick_period, metavar="SEC", help=text)
     text = f"explore at most N states; the runs beyond them stay undecided (default {MAX_STATES})"
     add("--max-states", type=count, default=MAX_STATES, metavar="N", help=text)
-    text = "write an SVG plot of the probability of an end, and of success, over time"
+    text = "write an SVG plot of the probabilities that a run has ended, and has succeeded, over time"
     add("--plot", type=FILE, metavar="OUT.svg", help=text)
     add_search_options(parser, "predict")
     parser.set_defaults(run=predict_file)

@@ -373,8 +373,8 @@ def _add_extension_options(group: _ArgumentGroup) -> None:
     """Add the options for the page, reports and recordings."""
     add = group.add_argument
     text = (
-        "show the run: text for a display that is updated in place on a terminal, or one line for each change elsewhere; web for "
-        "a page on this machine, which on a terminal stays open after the run until Ctrl-C; or none (default)"
+        "show the run on the terminal, or write one line for each change if the output is not a terminal (text); serve a page on this "
+        "machine, which on a terminal stays open after the run until Ctrl-C (web); or show nothing (none, default)"
     )
     add("--view", choices=("text", "web", "none"), default="none", help=text)
     add_page_options(group, "with --view web: ")

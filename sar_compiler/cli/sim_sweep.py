@@ -51,7 +51,7 @@ def add_sim_sweep(parser: CommandParser) -> None:
     add("tree", type=TREE, metavar="TREE", help=FILE_HELP)
     text = f"a world in which the mission runs; may be repeated (default {DEFAULT_WORLD})"
     add("--world", action="append", type=WORLD, metavar="W", help=text)
-    text = f"the faults of a run, each in the notation of sar-run --fault, or {_NO_FAULTS}; may be repeated to compare several sets of faults"
+    text = f"the faults of a run, each in the notation of sar-run --fault, or {_NO_FAULTS}; repeat the option to compare several sets of faults"
     add("--fault", action="append", metavar="'SPEC SPEC'", help=text)
     add_varied_parameters(parser, "ROS parameter")
     add("--params", type=YAML_FILE, metavar="FILE", help="a ROS 2 parameter file")

@@ -166,7 +166,7 @@ class StreamPosition(NamedTuple):
     time: float = -math.inf
 
     def next_position(self, entry: JournalEntry) -> "StreamPosition":
-        """Return the position after *entry*, where *entry* is the first entry after this position."""
+        """Return the position after *entry*, which must be the first entry after this position."""
         latest = max(self.time, entry.time) if entry.run == self.run else entry.time
         return StreamPosition(entry.run, entry.number, latest)
 

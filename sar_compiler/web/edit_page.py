@@ -29,7 +29,7 @@ _MAX_BYTES = 4 * TREE.limit
 
 
 def edit_app(studio: Studio, token: str) -> ASGIApp:
-    """Return the application of the editor.
+    """Return the ASGI application that serves the editor.
 
     Args:
         studio: Responds to the page's requests.

@@ -116,7 +116,7 @@ Tools = Mapping[str, PageQuery]
 def page_app(
     feed: Feed, token: str, orders: CommandHandler | None = None, tools: Tools | None = None
 ) -> ASGIApp:
-    """Return the application that serves the page, its events, the commands, and the queries.
+    """Return the ASGI application that serves the page, its events, the commands, and the queries.
 
     Args:
         feed: The source of the page's events.

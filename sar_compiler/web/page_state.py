@@ -27,7 +27,7 @@ _LEVELS = {30: "warning", 40: "error", 50: "error"}
 _LOG, _RECENT, _IMPORTANT = 2000, 300, 1400
 # The maximum number of points of the trail. Every second point is removed from a longer trail.
 _TRAIL = 1000
-# The maximum number of status changes of leaves, and the number of latest changes that are kept if there are more.
+# The maximum number of status changes of leaves. A longer list is cut to the latest `_KEPT_LANES` changes.
 _LANES, _KEPT_LANES = 2000, 1200
 # A late line of the ROS log is inserted by time, at most this number of lines before the end.
 _LATE = 50

@@ -38,7 +38,7 @@ OCCUPIED = 206
 """The error code for a goal in an obstacle. A later attempt may succeed, because some obstacles move."""
 _ROBOTS_PLACE = (203, 205)
 OF_PLANNER = range(200, 300)
-"""Error codes for goals to which, or through which, the planner found no path."""
+"""Error codes for drives for which the planner found no path."""
 # For several poses Nav2 uses the codes of a single pose plus this offset.
 _OF_SEVERAL, _LATER = {*range(301, 309), *range(9100, 9104)}, 100
 
