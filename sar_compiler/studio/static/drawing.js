@@ -87,7 +87,7 @@ class TreeDrawing extends HTMLElement {
     if (focus) first.focus({ preventScroll: true });
   }
 
-  // Scrolls the drawing alone, so that a node is below the toolbar and within the visible part.
+  // Scrolls only the drawing, until a node is visible below the toolbar.
   #reveal(node) {
     const view = this.parentElement;
     const [box, around] = [node, view].map((each) => each.getBoundingClientRect());

@@ -53,7 +53,7 @@ export class TextEditor {
     this.view.dispatch({ changes: changes.map(({ from, to, insert }) => ({ from, to, insert })), annotations: isolateHistory.of("full") });
   }
 
-  // Selects a range, which may be that of an older text.
+  // Selects a range, which may belong to an older text.
   select(from, to) {
     const [anchor, head] = [from, to].map((each) => Math.min(each, this.view.state.doc.length));
     this.view.dispatch({ selection: { anchor, head }, effects: EditorView.scrollIntoView(anchor, { y: "center" }) });

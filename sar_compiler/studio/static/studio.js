@@ -75,7 +75,7 @@ function changed(changes) {
   waiting = setTimeout(look, 30);
 }
 
-// The numbers of elements belong to the last analysed text. Pressed keys wait until this is the current text.
+// The numbers of elements belong to the last analysed text. Pressed keys wait until the current text is analysed.
 let settling = [];
 const settled = () => (analysis.text === editor.text ? Promise.resolve() : new Promise((resolve) => settling.push(resolve)));
 
@@ -267,7 +267,7 @@ function fields(element) {
   });
 }
 
-// The trees for a subtree, the nodes for a reference to a node, the keys for a port.
+// Returns the values to suggest: trees for a subtree, nodes for a reference to a node, keys for a port.
 function suggested({ name, takes_key, is_reference }, { tag }) {
   if (tag === "SubTree" && name === "ID") return analysis.trees;
   if (is_reference) return analysis.elements.filter(specOf).map(nameOf);

@@ -6,7 +6,7 @@ import { clock, hue, html, icon, mark, say, set, svg } from "./shapes.js";
 import { LEVELS } from "./signs.js";
 
 const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
-// Candidate positions of a label: x and y of its centre in half widths and heights of the label, beyond the mark's radius, at two distances.
+// Candidate positions of a label's centre: x and y in half widths and heights of the label, at two distances beyond the mark's radius.
 const SIDES = [[0, 1], [1, 0], [0, -1], [-1, 0], [0.8, 1], [-0.8, 1], [0.8, -1], [-0.8, -1]];
 const AWAY = [0, 26];
 const [RADIUS, HEIGHT, FONT] = [13, 16, "600 13px system-ui, 'DejaVu Sans', sans-serif"];

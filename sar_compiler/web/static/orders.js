@@ -31,10 +31,10 @@ export class Orders {
     this.reason = html("input", { id: "reason", autocomplete: "off", maxlength: 200 });
     this.why = html("label", { class: "by" }, "Reason, for the log ", this.reason);
     this.expired = html("p", { class: "expired", role: "alert" });
-    // Not modal: the map stays in sight, and STOP can be pressed.
+    // The dialog is not modal: the map stays in sight, and STOP can be pressed.
     this.ask = html("dialog", { id: "ask", tabindex: -1, "aria-labelledby": "ask-title" }, html("form", { method: "dialog" }, html("h2", { id: "ask-title" }), html("div"), this.expired, html("menu", {}, html("button", { type: "button", class: "no" }), html("button", { value: "yes", class: "yes" }))));
     place.append(this.to, html("div", { class: "first" }, this.stopAll, this.stop, this.toggle), this.answer, this.ask, this.more, this.who, this.why);
-    // Not a submit button, because Enter in a field would press the first submit button.
+    // Cancel is not a submit button, because Enter in a field would press the first submit button.
     this.ask.querySelector(".no").addEventListener("click", () => this.ask.close("no"));
     this.ask.addEventListener("keydown", (event) => event.key === "Escape" && this.ask.close("no"));
     this.ask.addEventListener("close", () => this.ask.open || this.answered?.(this.ask.returnValue === "yes"));
@@ -50,7 +50,7 @@ export class Orders {
     return this.ask.open;
   }
 
-  /** Remove the commands of another run. */
+  /** Remove the commands of the previous run. */
   again() {
     this.offered = new Map();
     this.key = "";
@@ -392,6 +392,6 @@ function remember(name) {
   try {
     localStorage.setItem(NAME, name);
   } catch {
-    // The operator enters the name again.
+    // If the name cannot be stored, the operator enters it again.
   }
 }
