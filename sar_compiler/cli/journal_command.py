@@ -61,7 +61,7 @@ def _parser() -> Parser:
     add_check(commands.add_parser("check", help=text, description=text))
     text = "Count the outcomes of the leaves in all runs of journals, and print frequencies, durations and intervals."
     add_stats(commands.add_parser("stats", help=text, description=text))
-    text = "Convert another program's recording of a run to a journal, so that the other commands can read it."
+    text = "Convert another program's recording of a run to a journal that the other commands can read."
     add_import(commands.add_parser("import", help=text, description=text))
     text = "Serve a page on this machine that replays missions from their journals."
     page = commands.add_parser("replay", help=text, description=text)

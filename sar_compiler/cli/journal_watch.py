@@ -60,7 +60,7 @@ def _watch_run(options: argparse.Namespace) -> None:
     from sar_compiler.web.run_page import watch_entries
 
     if options.journal is not None:
-        interruptible(signal.SIGTERM, signal.SIGHUP)  # so that the end of the run is also written to the journal
+        interruptible(signal.SIGTERM, signal.SIGHUP)  # the journal must contain the end of the run
     topic, groot2 = options.topic, options.groot2
     with open_live_run(topic, groot2, workspace(options), options.tree, print_note, options.journal) as run:
         watch_entries(topic or groot2, run.read_new, options.web_port, opens=options.open)

@@ -119,7 +119,7 @@ def _run(argv: Sequence[str], signals: StopSignals, ros: ExitStack, stepped: boo
         return serve(_served_run_options(argv, options), served, signals)
     _adapt_to_supervision(options, supervision)
     if options.tree is not None and options.journal is None:
-        require_tree_file(options.tree)  # with --journal, the file is checked later, so that a refused start is recorded
+        require_tree_file(options.tree)  # with --journal, a later check also records the refusal
     require_middleware()
     with gc_paused():  # imports create no garbage
         from sar_compiler.execution.mission_run import run_mission
