@@ -13,7 +13,7 @@ from search_and_rescue.zone_manager import MapPose
 
 HIDDEN = "hidden_survivor"
 """The parameter that makes the simulator hide a survivor at a random position."""
-# In an area without a polygon, the distance of the survivor ahead of the robot's search pose, metres.
+# The distance of the survivor ahead of the robot's search pose in an area without a polygon, metres.
 _AHEAD_M = 1.0
 
 

@@ -3,7 +3,7 @@
 A row that repeats a running node's status with another message is called a repetition. Most rows of a long journal are repetitions,
 because a leaf that drives reports its distance in every tick. Condensed reading omits a repetition if two
 conditions hold: all rows up to the node's next row are repetitions, and the node's parent is also running. (A
-parent that has ended and is ticked again ends again in each tick.) The results computed from statuses
+parent that is not running may end in each of these ticks.) The results computed from statuses
 (`mission_state`, `reports.why`, `reports.leaf_statistics`) are the same without the omitted rows, because no
 status changes in a tick that contains only repetitions.
 """

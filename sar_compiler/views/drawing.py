@@ -308,8 +308,8 @@ _GAP, _LEVEL, _STEP = 8, 24, 14
 # The distance between a subtree and its frame.
 _FRAME = 7
 _MARGIN = 10
-# Every picture may have the width `_NARROW`: its text stays readable if the picture is shown 400 pixels wide. A picture
-# of a large tree may be wider, so that its ratio of height to width stays near `_TALL`.
+# A picture may always be `_NARROW` wide: its text stays readable if a page shows it 400 pixels wide. A picture of a
+# large tree may be wider, so that its ratio of height to width stays near `_TALL`.
 _NARROW, _TALL = 560, 4
 
 

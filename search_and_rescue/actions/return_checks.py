@@ -273,11 +273,11 @@ class FullBatterySuffices(RosLeaf):
 )
 @dataclass(eq=False, repr=False, kw_only=True)
 class NavigateToCharge(NavigateToBase):
-    """Drive to a place where the battery is charged. This is home or a nearer charging place within reach.
+    """Drive to the place where the battery is charged: home, or a nearer charging place within reach.
 
-    RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive. A charging place is within
-    reach if the robot arrives there without using the reserve. Without such a place, the robot drives home,
-    as with `NavigateToBase`.
+    The leaf is RUNNING on the way, succeeds on arrival, and fails if the robot does not arrive. A charging
+    place is within reach if the robot arrives there without using the reserve. If no place is within reach,
+    the robot drives home, as with `NavigateToBase`.
 
     Args:
         homing: Estimates battery and time for the way home.
@@ -323,8 +323,8 @@ class NavigateToCharge(NavigateToBase):
 class AwaitCharge(_HomingLeaf):
     """Wait at home or a charging place until the charged or swapped battery suffices for the next leg.
 
-    RUNNING while waiting, then SUCCESS. FAILURE if the robot is at neither place, if `patience` expires, or
-    if the remaining mission time is too short for the next leg.
+    The leaf is RUNNING while the robot waits, and then succeeds. It fails if the robot is at neither place, if
+    `patience` expires, or if the remaining mission time is too short for the next leg.
 
     Args:
         homing: Estimates battery and time for the way home.

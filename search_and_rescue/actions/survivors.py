@@ -137,7 +137,7 @@ def map_extent_of(node: "Node") -> MapExtent:
 class DetectSurvivor(ServiceLeaf):
     """Search the current zone, and store the response. The leaf succeeds even if no survivor was found.
 
-    FAILURE if the service does not respond, or responds with a position that is not finite or not on the map.
+    The leaf fails if the service does not respond, or if the position in the response is not on the map.
 
     Args:
         zone_manager: The mission's zones.
@@ -396,7 +396,7 @@ def static_transforms_of(node: "Node") -> StaticTransforms:
 class BroadcastSurvivorTF(RosLeaf):
     """Assign a name to the detected survivor, and publish a static frame with this name below `map`.
 
-    FAILURE if no survivor was detected.
+    The leaf fails if no survivor was detected.
 
     Args:
         detect_node: The search that found the survivor; receives the name.

@@ -200,7 +200,7 @@ class _PlanLeaf(_SweepLeaf):
 class PlanSweep(_PlanLeaf):
     """Plan the sweep of the current zone's ground. A sweep that is already planned continues at the open piece.
 
-    FAILURE if the robot cannot drive to any part of the ground.
+    The leaf fails if the robot cannot drive to any part of the ground.
 
     Args:
         orders: Accepts the operator's areas through the service `~/add_area` (`sar_interfaces/srv/AddArea`).
@@ -268,7 +268,7 @@ class PlanSweep(_PlanLeaf):
 class RefineSweep(_PlanLeaf):
     """Plan another pass over the gaps in the sweep of the current zone. The leaf succeeds if there are gaps.
 
-    FAILURE if the zone has the required POD, if all passes were made, or if no gap can be reached.
+    The leaf fails if the zone has the required POD, if all passes were made, or if no gap can be reached.
 
     Args:
         until_pod: Required probability of detection of the zone, 0 to 1.
@@ -306,7 +306,7 @@ class RefineSweep(_PlanLeaf):
 class NavigateToPiece(NavigateTo):
     """Drive to the current piece of the sweep, and record the ground that the robot sees on the way.
 
-    RUNNING on the way, SUCCESS on arrival, FAILURE if the robot does not arrive.
+    The leaf is RUNNING on the way, succeeds on arrival, and fails if the robot does not arrive.
 
     Args:
         sweeps: The mission's sweeps.
@@ -397,11 +397,11 @@ class NavigateToPiece(NavigateTo):
 class NavigateThroughPieces(NavigateToPiece):
     """Drive through all open pieces of the sweep without stopping, and mark each passed piece as swept.
 
-    RUNNING on the way, SUCCESS when the last piece is passed, FAILURE if the robot does not arrive. The leaf
-    returns FAILURE at once if the robot must drive to the pieces one by one. This is the case if no server
-    offers the action, or if an earlier run searched the open piece. It is also the case if the planner has
-    found no path through all pieces, until a piece is skipped. The leaf returns FAILURE on the way if the
-    next piece and the way home would use the battery's reserve.
+    The leaf is RUNNING on the way, succeeds when the last piece is passed, and fails if the robot does not
+    arrive. The leaf fails at once if the robot must drive to the pieces one by one: if no server offers the
+    action, if an earlier run searched the open piece, or, until a piece is skipped, if the planner has found no
+    path through all pieces. The leaf fails on the way if the next piece and the way home would use the
+    battery's reserve.
 
     Args:
         homing: Estimates battery and time for the way home; used if the tree checks the way home.
