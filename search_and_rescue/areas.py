@@ -55,7 +55,7 @@ def read_areas(
         areas[zone["id"]] = SearchExpectation(poa, pod, look_sec)
     total = math.fsum(area.poa for area in areas.values())
     if len(reader.problems) == mistakes and total > 1.0 + ROUNDING:
-        text = f"the poa of all zones sum to {total:g}: the sum must be at most 1, and below 1 if the person may be outside all zones"
+        text = f"the poa values of all zones add up to {total:g}: the sum must be at most 1, and below 1 if the person may be outside all zones"
         reader.report_error(f"zones.{zones[0]['id']}.poa", text)
     return areas
 

@@ -317,7 +317,7 @@ class Search(MissionRun):
             "area A": f"{sweep.area_m2:.1f} m²" if sweep.area_m2 else "",
             "coverage C": f"{sweep.coverage:.2f}",
             "POD": f"{sweep.pod:.1%}",
-            "POD if legs were kept": "" if (of_legs := sweep.pod_of_legs) is None else f"{of_legs:.1%}",
+            "POD with exact legs": "" if (of_legs := sweep.pod_of_legs) is None else f"{of_legs:.1%}",
             "seen": f"{sweep.seen:.1%}",
             "passes": sweep.passes,
             "pieces skipped": sweep.skipped,
@@ -497,7 +497,7 @@ _SENTENCES: Mapping[str, Callable[..., str]] = {
     search_events.REPORT_ACKNOWLEDGED: lambda survivor: f"base has acknowledged {survivor}",
     search_events.HOME_FIRST: lambda zone, reason, to="", **_figures: _home_first(reason, to),  # noqa: ARG005
     search_events.CHARGING_REACHED: lambda place: f"reached charging place {place}",
-    search_events.CHARGED: lambda share: f"the battery, at {share:.0%}, suffices",
+    search_events.CHARGED: lambda share: f"the battery suffices ({share:.0%})",
     search_events.ALARMED: lambda reason: f"alarm: {reason}",
     search_events.BASE_REACHED: lambda: "reached the base station",
 }

@@ -182,7 +182,7 @@ def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
         kind = state.situation.kind_of(places[0])
         names = [each.name for each in places[:_MAX_NAMES]]
         more = f" and {len(places) - _MAX_NAMES} more" if len(places) > _MAX_NAMES else ""
-        text = f"{kind.remedy or 'See to'} {', '.join(names)}{more}: {word}"
+        text = f"{kind.remedy or 'Check'} {', '.join(names)}{more}: {word}"
         yield OpenTask(WARNING, text, *(_landmark_key(places[0]) if len(places) == 1 else ()))
 
 

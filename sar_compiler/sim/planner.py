@@ -230,7 +230,7 @@ _PROBLEMS = {
     NavCode.START_OCCUPIED: "there is not enough free ground for the robot at its start",
     NavCode.GOAL_OUTSIDE_MAP: "the position is outside the map",
     NavCode.GOAL_OCCUPIED: "there is not enough free ground for the robot at this position",
-    NavCode.NO_VALID_PATH: "no path leads there",
+    NavCode.NO_VALID_PATH: "no path leads to this position",
 }
 
 

@@ -63,5 +63,5 @@ def test_no_property_is_broken_in_it_and_the_report_has_its_reason_and_its_figur
     assert "Monitored 10 properties: none violated." in run.output
     text = json.dumps(report)
     assert "the reserve is 15%: home first" in text
-    assert ", suffices" in text
+    assert "the battery suffices (" in text
     assert "metres to the point of no return" in text

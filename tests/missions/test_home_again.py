@@ -330,7 +330,7 @@ def test_a_charge_is_told_in_a_sentence() -> None:
     told: list[str] = []
     search.record.journal.add_listener(lambda fact: told.append(search.sentence(fact)))
     search.record.record_charge(0.954321)
-    assert told == ["the battery, at 95%, suffices"]
+    assert told == ["the battery suffices (95%)"]
 
 
 UNASKED = "no leg starts unless the battery suffices for the way home"

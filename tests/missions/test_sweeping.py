@@ -124,7 +124,7 @@ def test_the_pod_of_legs_is_told_where_all_of_a_first_sweep_in_legs_was_swept() 
 
     def told() -> object:
         [area] = [each for each in search.display().landmarks if each.kind == "area"]
-        return area.details["POD if legs were kept"]
+        return area.details["POD with exact legs"]
 
     search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)] * 2, None)
     search.sweeps.finish_piece("a", None, 0.5)

@@ -30,7 +30,7 @@ def test_distances_are_those_of_the_way_from_place_to_place(two_rooms):
         (9.0, 1.0, "the position is outside the map"),
         (4.05, 1.0, "there is not enough free ground for the robot at this position"),
         (3.9, 1.0, "there is not enough free ground for the robot at this position"),
-        (6.0, 1.0, "no path leads there"),
+        (6.0, 1.0, "no path leads to this position"),
     ],
 )
 def test_a_place_that_cannot_be_reached_is_named_with_the_reason(two_rooms, x, y, trouble):

@@ -218,7 +218,7 @@ def test_what_a_person_has_to_do_stands_below_the_state_with_its_command_and_col
     browser.wait_for("#tasks", "Nothing to do")
     assert browser.js("return document.body.dataset.level") == "good"
     patrol.journal.record_event("point_reached", point="north", level="GIVEN_UP")
-    browser.wait_for("#tasks", "See to north: ")
+    browser.wait_for("#tasks", "Check north: ")
     assert browser.js("return document.body.dataset.level") == "warning"
     assert browser.js("return document.title").startswith("(1) ")
     patrol.journal.record_event("held", is_held=True)
