@@ -75,7 +75,7 @@ def verify_file(arguments: argparse.Namespace) -> int:
 
     Returns:
         0 if all properties are proved, 1 if a property does not hold or is undecided, 130 after Ctrl-C. With `--against`:
-            0 if no verdict is worse than that for the other tree; 1 if one is worse, or the budget was too small for both.
+            0 if no verdict is worse than the other tree's; 1 if one is worse, or the budget was too small for both trees.
 
     Raises:
         TreeError: If a file has errors.

@@ -1,4 +1,4 @@
-"""The hash chain of a journal, which shows if an entry was altered, removed, moved or added.
+"""The hash chain of a journal. It reveals entries that were altered, removed, moved or added.
 
 Each entry has a link: a SHA-256 hash over the previous link (zeros for the first entry) and all columns of the entry's row
 (`link_of_entry`). The start and the end of a run are entries of the chain, too. The link of the last entry, the

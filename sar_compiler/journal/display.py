@@ -1,6 +1,6 @@
 """Computes what a mission displays: landmarks, figures, gauges, alarms and the phase.
 
-Does not need ROS.
+This module does not need ROS.
 
 Events change the state of a mission. After each event the mission's `Display` is computed, and its changes are written to the
 journal as an entry of the kind `changed`. A reader of the journal can therefore show any mission without the mission's code.
@@ -275,7 +275,7 @@ class Display(NamedTuple):
 def changes(before: Display, after: Display) -> dict[str, Any]:
     """Return the differences between two displays as JSON data of a `changed` entry.
 
-    Equal displays give {}.
+    The result for equal displays is {}.
     """
     known = {(each.kind, each.name): each for each in before.landmarks}
     now = {(each.kind, each.name) for each in after.landmarks}

@@ -68,9 +68,9 @@ class NodeStatus(NamedTuple):
 
 
 class FormerFailure(NamedTuple):
-    """The earlier failures of a node. They did not determine the result of the mission.
+    """The earlier failures of a node that did not determine the result of the mission.
 
-    The node decides its own status, as a leaf does.
+    The node is a leaf, or another node that has decided its own status.
 
     Attributes:
         first: The first failure.

@@ -86,7 +86,10 @@ def test_without_probabilities_there_is_no_map() -> None:
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"a__poa": 0.6}, "zones.a.poa: the poa values of all zones add up to 1.1: the sum must be at most 1"),
+        (
+            {"a__poa": 0.6},
+            "zones.a.poa: the poa values of all zones add up to 1.1: the sum must be at most 1",
+        ),
         ({"a__poa": 1.5}, "zones.a.poa: must be a share from 0 to 1, but is 1.5"),
         ({"b__pod": -0.5}, "zones.b.pod: must be a share from 0 to 1, but is -0.5"),
         ({"b__poa": None}, "zones.b.poa: is missing"),
