@@ -58,14 +58,28 @@ def run_view() -> Callable[[RunSetup], RunView]:
 class ChangeLog(RunView):
     """Prints a line for each change of the mission's state."""
 
+    def __init__(self, run: RunSetup) -> None:
+        super().__init__(run)
+        # For each node, its last printed status, and the last tick in which it had this status.
+        self._printed: dict[int, tuple[str, int]] = {}
+
     def on_entry(self, entry: JournalEntry) -> None:
         """Print how a journal entry changes the mission's state."""
         nodes, was = self._state.nodes, condition(self._state)
         before = nodes[entry.data["node"]].status if entry.kind == STATUS else ""
         self._state.apply(entry)
-        for text in (change_text(self._state, entry, before), condition_change(self._state, was)):
-            if text:
-                self._output.print_momentary(text)
+        text = change_text(self._state, entry, before)
+        if text and entry.kind == STATUS and self._is_repeated(entry.data["node"], entry.data["tick"]):
+            text = ""
+        for each in (text, condition_change(self._state, was)):
+            if each:
+                self._output.print_momentary(each)
+
+    def _is_repeated(self, node: int, tick: int) -> bool:
+        """Return whether a node has the status that it had in the tick before, although it was reset since then."""
+        status = self._state.nodes[node].status_text
+        before, self._printed[node] = self._printed.get(node), (status, tick)
+        return before == (status, tick - 1)
 
 
 class RunScreen(RunView):

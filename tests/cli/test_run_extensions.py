@@ -131,6 +131,21 @@ def screen(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.ros
+def test_a_node_that_ends_in_each_tick_has_one_line(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    from sar_compiler.execution.run_view import ChangeLog
+
+    lines: list[str] = []
+    monkeypatch.setattr(stage.output, "print_momentary", lines.append, raising=False)
+    stage.journal.add_listener(ChangeLog(stage.run).on_entry)
+    tree = {"class": "x", "name": "Try", "attributes": {}, "children": [], "file": "m.xml", "line": 1}
+    stage.journal.begin({"tree": tree}, {})
+    for tick, status in ((1, "SUCCESS"), (2, "SUCCESS"), (3, "FAILURE"), (4, "SUCCESS"), (6, "SUCCESS")):
+        for each in (status, "IDLE"):
+            stage.journal.record_observation("status", node=0, tick=tick, status=each, message="")
+    assert [line.split()[-1] for line in lines] == ["SUCCESS", "FAILURE", "SUCCESS", "SUCCESS"]
+
+
+@pytest.mark.ros
 def test_a_view_that_fails_is_told_of_and_not_drawn_again(stage: Stage, screen: Any) -> None:
     screen.refresh()
     screen.refresh()
