@@ -39,6 +39,14 @@ def test_each_entry_comes_once_and_in_its_order(place):
     assert kinds(follower) == []
 
 
+def test_an_observation_before_every_event_is_read(place):
+    with closing(open_journal(place)) as journal:
+        journal.begin({}, {})
+        journal.record_observation("pose", x=1.0)
+        journal.end_run(Ending.OVER, 0)
+    assert kinds(JournalFollower(place)) == ["run_began", "pose", "run_ended"]
+
+
 def test_the_next_run_follows(place):
     follower = JournalFollower(place)
     for resume in (False, True):
