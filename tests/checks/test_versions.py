@@ -179,6 +179,12 @@ def in_script(code):
     }
 
 
+@pytest.mark.parametrize("sign", [":=", "=", "+=", "-=", "*=", "/="])
+def test_a_second_assignment_in_an_expression_is_reported(sign):
+    found = in_script(f"b := 4; a := b {sign} 2")
+    assert ([code for code, *_ in found["4.8"]], found["4.10"]) == (["btcpp-version"], [])
+
+
 @pytest.mark.parametrize(
     ("code", "column"), [("a := 1 b := 2", 22), ("a := (1) (b := 2)", 25), ("a := 1; b := 2 (a += 1)", 31)]
 )
