@@ -54,7 +54,7 @@ def _run(arguments: list[str], ros: ExitStack) -> int:
 
 
 def _redirect(stream: IO[str]) -> IO[bytes]:
-    """Redirect a stream of Python and native code to a temporary file, and return the file."""
+    """Redirect what Python and native code write to a stream into a temporary file, and return the file."""
     file = tempfile.TemporaryFile()  # noqa: SIM115 - the caller closes it
     os.dup2(file.fileno(), stream.fileno())
     return file

@@ -450,7 +450,7 @@ class _ExplainedFailure:
         return self.ends.has_failed
 
     def last_end(self, number: int) -> NodeStatus:
-        """Return the last final status of a node.
+        """Return the most recent SUCCESS or FAILURE of a node.
 
         If no child explains it, add the node's own reason to the message.
         """

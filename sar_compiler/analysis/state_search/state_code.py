@@ -181,7 +181,7 @@ class StateCode:
 
 
 def _write_place(code: vec[u8], at: i64, step: i64, held: i64) -> i64:
-    """Write the distance from the previous place and the content of a place. Return the next index."""
+    """Write a place: its distance from the previous place, and its content. Return the next index."""
     if step < _HALF_FULL and held < _HALF_FULL:
         code[at] = u8(step << 4 | held)
         return at + 1

@@ -407,7 +407,7 @@ def _is_explicit(bound: BoundNode) -> bool:
 
 
 def intended_condition(name: str) -> str | None:
-    """Return the condition whose leading underscore a name probably lacks; None for other names."""
+    """Return the condition for which a name probably lacks the leading underscore; None for other names."""
     return next((known for known in CONDITIONS if known[1:].lower() == name.lower()), None)
 
 
