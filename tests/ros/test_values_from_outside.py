@@ -118,6 +118,7 @@ def stamped(seconds: float) -> Callable[[Any], None]:
         (setter("pose.pose.orientation.w", 0.0), "the length of the quaternion is 0, but must be 1"),
         (lambda message: message.pose.covariance.__setitem__(7, math.nan), "is not a number (NaN)"),
         (lambda message: message.pose.covariance.__setitem__(0, -0.5), "must be 0 or more"),
+        (lambda message: message.pose.covariance.__setitem__(35, -0.5), "must be 0 or more"),
         (setter("header.frame_id", "robot1/map"), "is in the frame 'robot1/map', but must be in 'map'"),
         (stamped(3600.0), "in the future"),
         (stamped(2 * DAY_SEC), "use_sim_time"),
