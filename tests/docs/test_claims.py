@@ -48,6 +48,7 @@ NO_BEHAVIOUR = {
         "Items with † were",
         "Names that end in `_sec`",
         "*Detection takes* states the time",
+        "Names such as `hold_timeout_sec`",
         "If a process dies without notice",
         "For the limits for files, see",
         "Start the mission and Nav2 with this profile",
