@@ -29,7 +29,7 @@ NO_BEHAVIOUR = {
         "Everyone with an account",
         "The guardian does not know about leaves",
         "If the computer, its container",
-        "Use one of these: a base that stops",
+        "Suitable means are a base that stops",
         "If only the sender of `cmd_vel` fails",
         "Everyone in the ROS domain can call",
         "ROS 2 has no authentication",
@@ -284,14 +284,14 @@ def test_the_numbers_on_the_page_are_those_of_the_code():
     text = SECURITY.read_text(encoding="utf-8")
     mebibytes = 2**20
     for said, number in (
-        ("a tree {} MiB", opener.TREE.limit / mebibytes),
+        ("{} MiB for a tree", opener.TREE.limit / mebibytes),
         (
-            "a scenario, a world, a file of properties or a `sar.toml` {} MiB",
+            "{} MiB for a scenario, a world, a file of properties or a `sar.toml`",
             opener.DOCUMENT.limit / mebibytes,
         ),
-        ("areas {} MiB", areas_file._MAX_BYTES / mebibytes),
-        ("the image of a map {} MiB", opener.IMAGE.limit / mebibytes),
-        ("and {} million pixels", occupancy._MAX_CELLS / 1e6),
+        ("{} MiB for areas", areas_file._MAX_BYTES / mebibytes),
+        ("and {} MiB and", opener.IMAGE.limit / mebibytes),
+        ("and {} million pixels for the image of a map", occupancy._MAX_CELLS / 1e6),
         ("{} values in a scenario", MAX_VALUES),
         ("{} names and values in a parameter file", parameter_file._MAX_EVENTS),
         ("Without a map the limit is {} km", message_values.FARTHEST_M / 1000.0),
