@@ -29,7 +29,7 @@ NO_BEHAVIOUR = {
         "Everyone with an account",
         "The guardian does not know about leaves",
         "If the computer, its container",
-        "Suitable means are a base that stops",
+        "Use one of these: a base that stops",
         "If only the sender of `cmd_vel` fails",
         "Everyone in the ROS domain can call",
         "ROS 2 has no authentication",
@@ -48,11 +48,10 @@ NO_BEHAVIOUR = {
         "Items with † were",
         "Names that end in `_sec`",
         "*Detection takes* states the time",
-        "Names such as `hold_timeout_sec`",
         "If a process dies without notice",
         "For the limits for files, see",
         "Start the mission and Nav2 with this profile",
-        "With this profile, participants",
+        "If the network is silent",
         "On a weak Wi-Fi",
     ),
 }
@@ -64,11 +63,11 @@ HELD_BY = {
         "tree files, palettes": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words", "test_are_not_imported_by_any_command"),
         "responses of services and actions": ("test_any_answer_about_a_survivor_and_any_map_are_judged", "test_any_end_of_a_drive_is_a_line"),
         "All files are read by one opener": ("test_what_others_name_is_read_by_the_opener_alone",),
-        "The opener obtains a file handle": (
+        "The opener obtains a handle": (
             "test_what_is_no_file_is_refused_and_not_waited_for", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read",
         ),
-        "Each new function that reads files": ("test_each_reader_of_files_is_in_the_table_of_hostile_ones",),
-        "It then reads this same file": ("test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on",),
+        "The project's tests require": ("test_each_reader_of_files_is_in_the_table_of_hostile_ones",),
+        "Then the opener reads the same file": ("test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on",),
         "The path is a pipe, a device": ("test_what_is_no_file_is_refused_and_not_waited_for",),
         "A link points outside": ("test_what_lies_outside_is_not_read", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read"),
         "A folder is replaced by a link": ("test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may_name",),
@@ -101,7 +100,7 @@ HELD_BY = {
         "A module is replaced": (
             "test_ends_where_a_module_is_exchanged_after_its_hash_was_taken", "test_is_for_the_source_and_not_for_what_is_compiled_beside_it",
         ),
-        "A file tries to run code": (
+        "A file runs code": (
             "test_no_code_of_a_file_is_ever_evaluated", "test_are_not_imported_from_the_checkout", "test_are_imported_when_they_are_installed",
             "test_that_are_of_no_package_with_leaves_are_not_imported_though_they_are_installed",
         ),
@@ -128,7 +127,7 @@ HELD_BY = {
             "test_a_number_that_is_not_finite_is_null_in_every_json", "test_a_fact_with_a_position_that_is_none_is_refused",
             "test_a_time_that_is_none_is_refused",
         ),
-        "For damaged files and terminal escape sequences": ("test_every_promise_names_its_tests",),
+        "For damaged files and for escape sequences": ("test_every_promise_names_its_tests",),
         "Numbers in parameter files": ("test_a_number_that_is_not_finite", "test_a_mistake_in_a_world_file_is_found_where_it_stands"),
         "Positions in worlds and maps": ("test_a_mistake_in_a_world_file_is_found_where_it_stands",),
         "A node responds with a survivor": (
@@ -173,28 +172,28 @@ HELD_BY = {
         "Ctrl-C and the end of a terminal": ("test_ctrl_c_in_a_terminal_does_not_reach_it",),
         "The guardian knows the goals": ("test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way",),
         "`--view web`, `sar-journal replay`": ("test_the_page_listens_on_this_machine_alone",),
-        "Another user of this machine": (
+        "Every user of this machine": (
             "test_a_tool_that_changes_something_needs_the_token_and_what_only_looks_does_not",
             "test_the_report_of_a_robot_is_a_page_of_its_own_whose_style_is_its_own",
         ),
-        "A user has the printed address": (
+        "Everyone who has the printed address": (
             "test_who_has_the_address_gives_orders", "test_without_the_token_nobody_gives_orders", "test_each_run_has_a_token_of_its_own",
         ),
-        "Another site in the same browser": (
+        "A site that is open": (
             "test_another_page_of_the_browser_is_refused", "test_a_name_that_is_not_this_machine_s_is_refused",
             "test_the_page_is_its_own_by_each_name_of_this_machine", "test_the_page_is_served_with_a_policy_that_lets_nothing_else_in",
         ),
         "A tree, a message or a log line": (
             "test_texts_from_outside_are_texts", "test_the_page_is_served_with_a_policy_that_lets_nothing_else_in",
         ),
-        "A program opens many connections": (
+        "A program that opens connections": (
             "test_connections_take_few_of_the_file_descriptors_of_the_mission", "test_a_browser_that_does_not_read_is_let_go_and_comes_again",
             "test_the_numbers_on_the_page_are_those_of_the_code",
         ),
-        "A program requests other files": ("test_nothing_else_can_be_reached",),
+        "A request for other files": ("test_nothing_else_can_be_reached",),
         "Keep the domain on the machine": ("test_the_range_is_this_machine_otherwise",),
         "`sar-run --sim` and `sar-sim` set this": ("test_the_range_is_this_machine_otherwise", "test_the_range_that_a_user_chose_is_kept"),
-        "The guardian uses the same `--enclave`": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
+        "The guardian gets the `--enclave`": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
     },
     RELIABILITY: {
         "Each item is tested": ("test_every_promise_names_its_tests",),
@@ -202,7 +201,7 @@ HELD_BY = {
             "test_a_result_that_is_lost_is_known_by_the_status_topic", "test_a_server_that_was_restarted_does_not_know_the_goal",
         ),
         "If the run cannot confirm the end": ("test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4",),
-        "A server that does not respond is considered": (
+        "A server that stops responding": (
             "test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled",
             "test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_not",
         ),
@@ -284,19 +283,19 @@ def test_the_numbers_on_the_page_are_those_of_the_code():
     text = SECURITY.read_text(encoding="utf-8")
     mebibytes = 2**20
     for said, number in (
-        ("{} MiB for a tree", opener.TREE.limit / mebibytes),
+        ("a tree {} MiB", opener.TREE.limit / mebibytes),
         (
-            "{} MiB for a scenario, a world, a file of properties or a `sar.toml`",
+            "a scenario, a world, a file of properties or a `sar.toml` {} MiB",
             opener.DOCUMENT.limit / mebibytes,
         ),
-        ("{} MiB for areas", areas_file._MAX_BYTES / mebibytes),
-        ("and {} MiB and", opener.IMAGE.limit / mebibytes),
-        ("and {} million pixels for the image of a map", occupancy._MAX_CELLS / 1e6),
+        ("areas {} MiB", areas_file._MAX_BYTES / mebibytes),
+        ("the image of a map {} MiB", opener.IMAGE.limit / mebibytes),
+        ("and {} million pixels", occupancy._MAX_CELLS / 1e6),
         ("{} values in a scenario", MAX_VALUES),
         ("{} names and values in a parameter file", parameter_file._MAX_EVENTS),
         ("Without a map the limit is {} km", message_values.FARTHEST_M / 1000.0),
-        ("{} connections, and", page_server._CONNECTIONS),
-        ("{} MB of unread data for each", feed._MAX_WAITING / 1e6),
+        ("{} connections at once", page_server._CONNECTIONS),
+        ("{} MB waiting for each", feed._MAX_WAITING / 1e6),
     ):
         assert said.format(f"{number:,g}" if number < 1000 else f"{number:,}") in text
     assert signals._TOGETHER_SEC == 0.5
