@@ -143,7 +143,7 @@ class CheckContext:
     def elements_with_errors(self) -> Sequence[Element]:
         """The elements in the trees that have errors, or could not be bound to nodes."""
         bound = {id(node.element) for tree in self.bound_forest.trees for node in tree.nodes}
-        found = []
+        found: list[Element] = []
         for tree_file in self.forest.files:
             elements = [
                 each for tree in tree_file.trees for child in tree.children for each in child.iterate()
@@ -152,7 +152,7 @@ class CheckContext:
             elements.sort(key=attrgetter("position"))  # in YAML, a node's children may precede its attributes
             errors = [each for each in self._errors if each.source is tree_file.source]
             found += filter(None, (last_element_before(elements, each.span[:2]) for each in errors))
-        return found
+        return [*{id(each): each for each in found}.values()]
 
     @functools.cached_property
     def _errors(self) -> list[Diagnostic]:
