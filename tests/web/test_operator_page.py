@@ -387,7 +387,7 @@ def test_before_the_start_the_page_lists_what_is_awaited_in_the_operator_s_words
     browser.open(run.server.url)
     browser.wait_for("#tasks", "Wait for navigation, or ask an engineer to start it on the robot")
     items = "return [...document.querySelectorAll('.checklist > span')].map((each) => each.textContent)"
-    assert browser.js(items) == ["…waiting for navigation", "✓there: detect survivor"]
+    assert browser.js(items) == ["…waiting for navigation", "✓available: detect survivor"]
     assert "bt_navigator" not in browser.text("body")
     run.begin()
     browser.wait_for("#tasks", "Nothing to do")
