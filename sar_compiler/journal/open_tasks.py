@@ -28,7 +28,7 @@ from sar_compiler.journal.status_line import (
 _SEVERITY = (QUIET, GOOD, WARNING, ERROR)
 _ALARM_IS_ERROR = 40
 # The status line adds that the robot may still be driving.
-_STOP_BUTTON = "Press the stop button on the robot: STOP on the page may not reach it"
+_STOP_BUTTON = "Press the emergency stop on the robot: STOP on the page may not reach it"
 # The words for the state of locations that the mission has not finished.
 _UNFINISHED_WORDS: Mapping[int, str] = {Level.TO_COME: "not reached", Level.IN_HAND: "not finished"}
 # A reason with one of these verbs is a clause, such as "the battery is low". Other reasons are phrases, such as "skipped by Ann".
@@ -108,7 +108,7 @@ def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
         yield OpenTask(WARNING, "Resume the mission, or call the robot back", command="release")
     elif now.word == POSITION_LOST:
         yield OpenTask(
-            ERROR, "Press the robot's stop button if it moves, then ask an engineer to correct its position"
+            ERROR, "Press the robot's emergency stop if it moves, then ask an engineer to correct its position"
         )
     elif now.word == WAITING:
         # The details after the colon name nodes, and are for engineers.

@@ -251,7 +251,7 @@ def test_a_robot_that_may_be_driving_alone_is_stopped_at_its_button(process):
     first = find_open_tasks(state)[0]
     assert (first.level, first.text) == (
         "error",
-        "Press the stop button on the robot: STOP on the page may not reach it",
+        "Press the emergency stop on the robot: STOP on the page may not reach it",
     )
     assert "may still be driving" in condition(state).reason
 
@@ -277,7 +277,7 @@ def test_a_lost_position_is_an_error_of_its_own_and_asks_for_the_robot_to_be_fou
     state.apply(JournalEntry(3, 1, 2.0, 2.0, LACKS, {"text": "no transform", "is_position_lost": True}))
     assert condition(state)[:2] == ("position lost", "error")
     assert texts(state) == [
-        "Press the robot's stop button if it moves, then ask an engineer to correct its position"
+        "Press the robot's emergency stop if it moves, then ask an engineer to correct its position"
     ]
     state.apply(JournalEntry(4, 1, 3.0, 3.0, LACKS, {"text": ""}))
     assert severity(state) == "good"

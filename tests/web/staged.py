@@ -204,7 +204,7 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
     "reports refused": (refuse_reports, "error", "Report survivor_1 yourself"),
     "paused": (lambda robot: robot.command("pause"), "warning", "Resume the mission"),
     "waiting": (wait_for_nav2, "warning", "Ask an engineer for help: the navigation (Nav2) is not active"),
-    "position lost": (lose_position, "error", "Press the robot's stop button if it moves"),
+    "position lost": (lose_position, "error", "Press the robot's emergency stop if it moves"),
     "low battery": (run_low, "error", "zone_b, zone_c: abandoned because the battery is low"),
     "aborted": (abort, "warning", "Fetch the robot"),
     "called home": (call_home, "warning", "Send people to search zone_b"),
@@ -214,12 +214,12 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
     "crashed": (
         lambda robot: robot.feed.set_process(RunProcess(is_gone=True), robot.number),
         "error",
-        "Press the stop button on the robot: STOP on the page may not reach it",
+        "Press the emergency stop on the robot: STOP on the page may not reach it",
     ),
     "lost": (
         lambda robot: robot.feed.set_process(RunProcess(silent_sec=30.0), robot.number),
         "error",
-        "Press the stop button on the robot: STOP on the page may not reach it",
+        "Press the emergency stop on the robot: STOP on the page may not reach it",
     ),
     "not begun": (
         wait_for_start,
@@ -231,7 +231,7 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
     "team": (
         lambda robot: robot.feed.set_process(RunProcess(is_gone=True), robot.number),
         "error",
-        "robot3: Press the stop button on the robot: STOP on the page may not reach it",
+        "robot3: Press the emergency stop on the robot: STOP on the page may not reach it",
     ),
 }
 """What happens in a condition, the level of the page, and a task of a person."""

@@ -476,7 +476,7 @@ def test_one_stop_has_all_robots_stand_and_asks_whether_that_is_the_end_of_all(t
     browser.wait(lambda: sorted(team.given) == [("pause", 0), ("pause", 1)], "both pauses")
     browser.wait_for("#ask", "robot1 has been told to stop.")
     browser.wait_for(
-        "#ask", "robot2 has not confirmed the stop: refused: not now. Press the stop button on the robot."
+        "#ask", "robot2 has not confirmed the stop: refused: not now. Press the emergency stop on the robot."
     )
     browser.click("#ask .no")
     browser.wait_for("#answer", "robot1: Pause: done; robot2: Pause: refused: not now")
@@ -519,7 +519,7 @@ def test_a_crashed_robot_has_no_commands_and_looks_so_in_its_card_and_on_the_map
     browser.wait(lambda: browser.js(ENABLED) == ["STOP ALL"], "no commands to robot1")
     assert browser.js("return document.querySelectorAll('#robots .stale, #map .robot.stale').length") == 2
     browser.click(ALL)
-    browser.wait_for("#ask", "robot1 cannot be told to stop. Press the stop button on the robot.")
+    browser.wait_for("#ask", "robot1 cannot be told to stop. Press the emergency stop on the robot.")
     assert team.given == [("pause", 1)]
 
 

@@ -158,13 +158,13 @@ export class Orders {
       const who = this.stream.isTeam ? this.stream.names[robot] : "The robot";
       const line = html("p");
       if (isHeld(this.stream.runs[robot])) say(line, `${who} is paused.`);
-      else if (!holds.has(robot)) say(line, `${who} cannot be told to stop. Press the stop button on the robot.`);
+      else if (!holds.has(robot)) say(line, `${who} cannot be told to stop. Press the emergency stop on the robot.`);
       else {
         say(line, `${who}: stopping …`);
         this.tell(`${this.addressed(holds.get(robot), robot)} …`, "asked");
         const sent = this.send(holds.get(robot), {}, robot, {});
         sent.then(([text, kind]) => {
-          if (kind !== "done") return say(line, `${who} has not confirmed the stop: ${text}. Press the stop button on the robot.`);
+          if (kind !== "done") return say(line, `${who} has not confirmed the stop: ${text}. Press the emergency stop on the robot.`);
           say(line, `${who} has been told to stop.`);
           const watch = setInterval(() => {
             if (!line.isConnected) clearInterval(watch);

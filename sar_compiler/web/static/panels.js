@@ -102,7 +102,7 @@ export function withoutAddress(text) {
   return text.replace(/ \((?:page,|team page of) [^)]*\)/g, "");
 }
 
-const STOP_BUTTON = "Press the stop button on the robot: STOP on the page may not reach it";
+const STOP_BUTTON = "Press the emergency stop on the robot: STOP on the page may not reach it";
 
 /** The open tasks, the most urgent first, each with its command if available. Alarms have a separate list. */
 export class TasksView {
