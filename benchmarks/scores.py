@@ -57,7 +57,7 @@ BENCHMARK = Benchmark(
         Row(
             "causes that `sar-journal why` names first",
             (Limit(97.0, "%", is_least=True),),
-            f"{len(CAUSES)} kinds of causes, each injected into a simulated run of a shipped tree",
+            f"{len(CAUSES)} kinds of causes, each planted in a simulated run of a shipped tree",
             _why,
         ),
         Row(
