@@ -69,7 +69,7 @@ TERMS = {
     "how-to/compare-runs.md": "trace checking, conformance, log analysis",
     "how-to/success-probability.md": "reliability, Markov chain, probabilistic model checking, risk",
     "how-to/monte-carlo.md": "random runs, simulation campaign, statistics",
-    "operate/first-mission.md": "operator training, practise in the simulator, rehearse a low battery",
+    "operate/first-mission.md": "train operators, exercise, practise, rehearse, low battery, connection lost",
     "operate/operators-manual.md": "emergency stop, how to pause the robot, return to base, abort, dashboard",
     "operate/troubleshooting.md": "error message, not working, fails to start, fix",
     "glossary.md": "terms, terminology, vocabulary, definitions, meaning of a word",
