@@ -1,4 +1,4 @@
-"""The table of requirements names what there is."""
+"""The tables of requirements name existing files and tests."""
 
 import ast
 import re
@@ -7,9 +7,15 @@ from pathlib import Path
 from tests.docs.markdown import codes, links, tables
 
 PAGE = Path("docs/how-to/course-project.md")
+DETAILS = Path("docs/reference/course-requirements.md")
 COURSE = "course only"
 BY_HAND = "by hand"
-ROWS = [(line, cells) for _, line, cells in tables(PAGE) if len(cells) == 3]
+ROWS = [
+    (f"{page.name}:{line}", cells)
+    for page in (PAGE, DETAILS)
+    for _, line, cells in tables(page)
+    if len(cells) == 3
+]
 TEST = re.compile(r"(tests/[\w/]+\.py)((?:::\w+)*)")
 
 
@@ -55,6 +61,6 @@ def test_every_task_of_the_text_has_its_row():
 
 
 def test_only_what_belongs_to_a_course_is_left_out():
-    left_out = [cells[0] for _, _, cells in tables(PAGE) if COURSE in cells[1]]
+    left_out = [cells[0] for _, cells in ROWS if COURSE in cells[1]]
     assert len(left_out) <= 8, left_out
     assert links(PAGE)

@@ -40,6 +40,7 @@ PLAIN = {
     "reference/world": 1,
 }
 RUNS = Path("docs/concepts/before-during-after.md").resolve()
+COURSE = Path("docs/how-to/course-project.md").resolve()
 
 # How long a block of commands may take; the longest flies a robot for some simulated seconds.
 _TIMEOUT_SEC = 120.0
@@ -145,6 +146,15 @@ def test_one_file_of_properties_serves_before_during_and_after_a_run(tmp_path):
 
 
 @pytest.mark.costly
+@pytest.mark.ros
+def test_the_course_project_is_run_and_changed_as_the_page_says(tmp_path):
+    (tmp_path / "trees").symlink_to(Path("trees").resolve())
+    sections = ("## Check and run the tree", "## Change the tree", "## Write a leaf")
+    done = [follow(COURSE, tmp_path, section) for section in sections]
+    assert [typed for typed, _ in done] == [3, 3, 3]
+    assert [each for _, otherwise in done for each in otherwise] == []
+
+
 @pytest.mark.ros
 def test_a_leaf_is_written_and_flown_as_the_page_says(tmp_path):
     typed, otherwise = follow(LEAVES, tmp_path)
