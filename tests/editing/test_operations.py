@@ -277,6 +277,9 @@ def test_an_attribute_is_changed_in_its_quotes_and_a_new_one_stands_as_the_other
     assert edited(YAML, "set_attribute", "t.yaml", element=4, name="z") == YAML.replace(',   z: "2"', "")
     changed = edited(YAML, "set_attribute", "t.yaml", element=4, name="q", value="a,b")
     assert changed == YAML.replace('"2"', "\"2\", q: 'a,b'")
+    in_brackets = YAML[: YAML.index("\n                # about A")] + " [A, B]\n"
+    changed = edited(in_brackets, "set_attribute", "t.yaml", element=3, name="q", value="3")
+    assert changed == in_brackets.replace("[A,", "[A: {q: 3},")
 
 
 @pytest.mark.parametrize(("text", "path"), [(XML, "t.xml"), (YAML, "t.yaml")])
