@@ -108,7 +108,8 @@ def _robot_tasks(state: MissionState) -> Iterator[OpenTask]:
         yield OpenTask(WARNING, "Resume the mission, or call the robot back", command="release")
     elif now.word == POSITION_LOST:
         yield OpenTask(
-            ERROR, "Press the robot's emergency stop if it moves, then ask an engineer to correct its position"
+            ERROR,
+            "Press the robot's emergency stop if it moves, then ask an engineer to correct its position",
         )
     elif now.word == WAITING:
         # The details after the colon name nodes, and are for engineers.
