@@ -347,7 +347,8 @@ class MissionState:
         """The time of the last entry."""
         if self._now is None:
             _, run, wall, time_, *_ = self._entry
-            self._now = EventTime(run, time_ - self._starts.get(run, 0.0), wall)
+            # A run can write log lines before it begins.
+            self._now = EventTime(run, time_ - self._starts.get(run, time_), wall)
         return self._now
 
     def _add_event(self, kind: str, data: Mapping[str, Any]) -> None:

@@ -306,3 +306,12 @@ def test_an_exception_of_a_leaf_is_told_in_its_own_words():
     assert [fact.text for fact in state.facts] == [
         "an exception has ended the run: 'Look' (Look) failed: no lens"
     ]
+
+
+@pytest.mark.parametrize("earlier", [[], [BEGAN]])
+def test_a_log_line_before_a_run_begins_has_the_time_zero(earlier):
+    state = MissionState.from_stream(
+        [JournalEntry(1, 1, 1000.0, 100.0, kind, data) for kind, data in earlier]
+    )
+    state.apply(JournalEntry(9, 2, 2000.0, 7000.0, "log", {"level": 20, "text": "waiting"}))
+    assert (state.now.run, state.now.time) == (2, 0.0)

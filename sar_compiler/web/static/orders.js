@@ -75,7 +75,7 @@ export class Orders {
     this.stopAll.hidden = !isTeam;
     this.stopAll.disabled = !isTeam || (!this.able("hold").length && !this.able("stop").length);
     // The accepted commands arrive shortly after the list of commands.
-    this.isKnown = Boolean(available[chosen]);
+    this.isKnown = Boolean(available[chosen]) && run.condition.word !== "not begun";
     const key = `${chosen} ${this.isKnown} ${this.verbs.map(({ name }) => name).join(" ")}`;
     if (key !== this.key) this.draw(key);
     const may = (verb) => Boolean(verb && this.now.has(verb.name));
