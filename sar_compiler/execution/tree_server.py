@@ -18,6 +18,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
+from rclpy.duration import Duration
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
@@ -36,6 +37,8 @@ NODE_NAME = "sar_tree_server"
 ACTION, TREES_SERVICE, BOND = "bt_execution", "get_loaded_trees", "bond"
 # The values of Nav2's nodes, in seconds of the steady clock, because simulated time may stop.
 _BOND_PERIOD_SEC, _BOND_TIMEOUT_SEC, _BOND_DEPTH = 0.1, 4.0, 5
+# Maximum wait until the manager has received the end of the bond, in seconds.
+_LAST_MESSAGE_SEC = 1.0
 # Signals are handled between two turns of the executor.
 _TURN_SEC, _LAST_TURNS = 0.1, 5
 
@@ -114,6 +117,8 @@ class Bond:
         self._node.destroy_timer(self._timer)
         self._timer = None
         self._publish(is_there=False)
+        # The process may end before the message is sent.
+        self._publisher.wait_for_all_acked(Duration(seconds=_LAST_MESSAGE_SEC))
 
     def _publish(self, *, is_there: bool) -> None:
         status = self._message(
