@@ -1,6 +1,7 @@
 """Rules about blackboard keys that are read but never written, read too early, or written but never read."""
 
 import itertools
+import re
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 
@@ -32,6 +33,7 @@ from sar_compiler.tree.diagnostic import Advice, Diagnostic, Severity
 from sar_compiler.tree.guessing import Guesses, likeness
 from sar_compiler.tree.model import SUBTREE_TAG
 
+_WORD = re.compile(r"\w+")
 _LIKE, _CLOSE = 0.7, 0.75
 """The minimum similarities of two keys at which one is possibly, or certainly, a typo of the other."""
 
@@ -62,11 +64,17 @@ def _check_typos(context: CheckContext) -> Iterator[Diagnostic]:
     doubtful = context.elements_with_errors
     if not context.is_whole or any(each.tag == SUBTREE_TAG or "ID" in each.attributes for each in doubtful):
         return
-    texts = "\n".join(text for each in doubtful for text in each.attributes.values())
+    # Looked up word by word, so that the effort grows only linearly with the file.
+    words = {word for each in doubtful for text in each.attributes.values() for word in _WORD.findall(text)}
     for top in context.bound_forest.tops:
         board = entry_table_of(top, context.key_accesses)
         for entry in board.entries:
-            if entry.given or entry.is_parameter or entry.is_made or entry.key.strip() in texts:
+            if (
+                entry.given
+                or entry.is_parameter
+                or entry.is_made
+                or not words.isdisjoint(_WORD.findall(entry.key))
+            ):
                 continue
             near = _nearest(entry.key, board.written_by_scope.get(entry.scope, ()), context.guesses)
             if near is not None and _is_typo(entry, near):
