@@ -6,9 +6,11 @@ possible ticks may match a recorded tick.
 
 from array import array
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 from sar_compiler.analysis.simulated_tree import SimulatedTree
+from sar_compiler.analysis.state_search.tick_steps import TickSteps
 from sar_compiler.analysis.verify.properties import PropertyAutomata, without_properties
 from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
@@ -350,7 +352,7 @@ class TreeRuns:
         known = self._known.get(state)
         if known is not None or self.is_spent:
             return known or []
-        self._explore_ticks(state, self._left)
+        self._explore_ticks(state)
         return self._known[state]
 
     def ticks_like(
@@ -383,25 +385,32 @@ class TreeRuns:
 
     def _has_few_ticks(self, state: bytes) -> bool:
         """Return whether the ticks from a state are few enough to store all of them."""
-        if (
-            state not in self._known
-            and state not in self._wide
-            and not self._explore_ticks(state, _MAX_TICKS)
-        ):
-            del self._known[state]
-            self._wide.add(state)
+        if state not in self._known and state not in self._wide:
+            if self._has_many_ticks(state):
+                self._wide.add(state)
+            else:
+                self._explore_ticks(state)
         return state in self._known
 
-    def _explore_ticks(self, state: bytes, most: int) -> bool:
-        """Store at most *most* ticks from a state. Return whether these are all ticks from the state."""
-        found: dict[PossibleTick, None] = {}
-        for count, option in enumerate(self._play_ticks(state), 1):
-            found[option] = None
-            if count >= most:
-                break
+    def _has_many_ticks(self, state: bytes) -> bool:
+        """Count the ticks from a state without their records, which take much longer than the ticks."""
+        limit, count = min(_MAX_TICKS, self._left), 0
+        for count, step in enumerate(islice(self.stepper.ticks(state), limit), 1):  # noqa: B007
+            self._note_unknown_value(state, step)
+        if count < limit:
+            return False
+        self._left -= count
+        return True
+
+    def _explore_ticks(self, state: bytes) -> None:
+        """Store the ticks from a state."""
+        found = dict.fromkeys(self._play_ticks(state))
         self._known[state] = [option for option in found if option.state is not _NO_STATE]
         self._raising[state] = [option for option in found if option.state is _NO_STATE]
-        return not found or count < most
+
+    def _note_unknown_value(self, state: bytes, step: TickSteps) -> None:
+        if step.error is not None and unknown_value_of(step.error) is not None:
+            self._unknown[state] = step.error
 
     def _play_ticks(
         self,
@@ -425,8 +434,7 @@ class TreeRuns:
             if self.is_spent:
                 return
             self._left -= 1
-            if step.error is not None and unknown_value_of(step.error) is not None:
-                self._unknown[state] = step.error
+            self._note_unknown_value(state, step)
             option: PossibleTick | None = None
             if not is_whole:
                 option = self._last_tick(step.state or _NO_STATE)._replace(running=running)
