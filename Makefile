@@ -75,12 +75,13 @@ demo: env
 	$(BIN)/sar-compile conform search_and_rescue $(DEMO)
 
 # Several hundred processes of the project are started: a third of their time goes into compiling it each time anew
-# where bytecode is not kept. Coverage is reported where all has passed, so that what failed stands last.
+# where bytecode is not kept. Coverage and costs are compared where all has passed, so that what failed stands last.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: env $(KERNEL_COVERAGE)
 	$(BIN)/python -m benchmarks.timing build/suite.json $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0 --costs=$(COSTS)
 	$(BIN)/python -m coverage combine --quiet --keep --append $(KERNEL_COVERAGE)
 	$(BIN)/python -m coverage report
+	$(BIN)/python -m tests.costs $(COSTS)
 
 test-costly: env
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "costly and not slow and not nav2"

@@ -90,9 +90,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 def pytest_addoption(parser):
     """Add the option of `tests.costs`."""
-    parser.addoption(
-        "--costs", metavar="FILE", type=Path, help="write the CPU seconds of each test, and compare"
-    )
+    parser.addoption("--costs", metavar="FILE", type=Path, help="write the CPU seconds of each test")
 
 
 def pytest_configure(config):

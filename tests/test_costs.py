@@ -5,17 +5,30 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.costs import by_module, grown
+from tests.costs import by_module, grown, main
 
 RECORDED = {"a.py": 20.0, "b.py": 20.0, "c.py": 160.0}
 
 
 def test_a_module_that_takes_more_than_half_as_much_again_is_named():
-    assert grown({**RECORDED, "a.py": 40.0}, RECORDED) == ["a.py: 40.0 s of CPU, expected were 22.0"]
+    assert grown({**RECORDED, "a.py": 40.0}, RECORDED) == ["a.py: 40.0 s of CPU, expected were 20.0"]
 
 
 def test_a_slower_machine_makes_no_difference():
     assert grown({module: 3 * seconds for module, seconds in RECORDED.items()}, RECORDED) == []
+
+
+def test_tests_that_were_left_out_make_no_other_module_too_dear():
+    assert grown({"a.py": 20.0, "b.py": 20.0, "c.py": 1.0}, RECORDED) == []
+
+
+def test_what_takes_too_much_is_printed_and_fails(tmp_path, capsys):
+    table = tmp_path / "costs.tsv"
+    table.write_text("cpu_sec\twall_sec\ttest\n99.0\t99.0\ttests/new.py::test_a\n", encoding="utf-8")
+    assert main(table) == 1
+    assert "costs too much: tests/new.py: 99.0 s of CPU, expected were 0.0" in capsys.readouterr().out
+    table.write_text("cpu_sec\twall_sec\ttest\n", encoding="utf-8")
+    assert main(table) == 0
 
 
 def test_a_new_module_may_take_fifteen_seconds():
