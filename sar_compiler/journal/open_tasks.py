@@ -5,7 +5,7 @@ means that there are no open tasks.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from sar_compiler.journal.display import Landmark, Level
@@ -57,8 +57,13 @@ class OpenTask(NamedTuple):
     is_alarm: bool = False
 
 
-def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
-    """Return the open tasks of a mission. Errors come before warnings, and urgent tasks before others."""
+def find_open_tasks(state: MissionState, *, with_visits: bool = True) -> tuple[OpenTask, ...]:
+    """Return the open tasks of a mission. Errors come before warnings, and urgent tasks before others.
+
+    Args:
+        state: The state of the mission.
+        with_visits: Whether to include, after the end of a run, the visit to detections that no person has confirmed.
+    """
     if state.awaited:
         names = missing_names(state)
         them = "it" if sum(bool(each.problem) for each in state.awaited) == 1 else "them"
@@ -73,6 +78,7 @@ def find_open_tasks(state: MissionState) -> tuple[OpenTask, ...]:
         *_alarm_tasks(state),
         *_gauge_tasks(state),
         *_detection_tasks(state),
+        *(_visit_tasks(state) if with_visits else ()),
         *_location_tasks(state),
         *_figure_tasks(state),
     ]
@@ -168,6 +174,18 @@ def _detection_tasks(state: MissionState) -> Iterator[OpenTask]:
             yield OpenTask(ERROR, text, *_landmark_key(each))
 
 
+def _visit_tasks(state: MissionState) -> Iterator[OpenTask]:
+    """After a run, yield the task about reported detections that no person has confirmed."""
+    unconfirmed = [
+        each
+        for each in state.situation.detections()
+        if each.level == Level.DONE and not each.is_certain and not each.task
+    ]
+    if unconfirmed and _is_over(state):
+        it = "it" if len(unconfirmed) == 1 else "them"
+        yield _landmarks_task("Go to", unconfirmed, f"no person has confirmed {it}")
+
+
 def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
     """Yield the tasks about abandoned locations. After a run, also yield tasks about unfinished locations."""
     is_over, groups = _is_over(state), dict[tuple[str, str], list[Landmark]]()
@@ -180,11 +198,15 @@ def _location_tasks(state: MissionState) -> Iterator[OpenTask]:
             word = f"{_UNFINISHED_WORDS.get(each.level, each.state) or 'not done'}{_cause(each.reason)}"
             groups.setdefault((kind.name, word), []).append(each)
     for (_, word), places in groups.items():
-        kind = state.situation.kind_of(places[0])
-        names = [each.name for each in places[:_MAX_NAMES]]
-        more = f" and {len(places) - _MAX_NAMES} more" if len(places) > _MAX_NAMES else ""
-        text = f"{kind.remedy or 'Check'} {', '.join(names)}{more}: {word}"
-        yield OpenTask(WARNING, text, *(_landmark_key(places[0]) if len(places) == 1 else ()))
+        yield _landmarks_task(state.situation.kind_of(places[0]).remedy or "Check", places, word)
+
+
+def _landmarks_task(do: str, landmarks: Sequence[Landmark], word: str) -> OpenTask:
+    """Return the warning that asks a person to do the same with each of the landmarks."""
+    names = [each.name for each in landmarks[:_MAX_NAMES]]
+    more = f" and {len(landmarks) - _MAX_NAMES} more" if len(landmarks) > _MAX_NAMES else ""
+    key = _landmark_key(landmarks[0]) if len(landmarks) == 1 else ()
+    return OpenTask(WARNING, f"{do} {', '.join(names)}{more}: {word}", *key)
 
 
 def _cause(reason: str) -> str:

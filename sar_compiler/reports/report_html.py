@@ -173,7 +173,7 @@ def next_steps(state: MissionState) -> Iterator[str]:
     for find in finds:
         known = "confirmed" if find.is_certain else "not confirmed"
         yield f"Go to {find.name} at {_position(state, find.x, find.y)[-1]} ({known})"
-    yield from (task.text for task in find_open_tasks(state) if not task.is_alarm)
+    yield from (task.text for task in find_open_tasks(state, with_visits=False) if not task.is_alarm)
     if finds and georeference(state) is None:
         yield (
             "These are map coordinates. For latitude and longitude, run: sar-journal report … --georeference "

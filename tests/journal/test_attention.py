@@ -128,7 +128,25 @@ def test_a_detection_whose_report_is_not_finished_at_the_end_is_passed_on_by_a_p
     assert texts(mission(AT_HOME, FOUND, end=1)) == [
         "Report survivor_1 yourself: the mission did not finish reporting it"
     ]
-    assert texts(mission(AT_HOME, FOUND._replace(level=Level.DONE), end=0)) == []
+
+
+def test_a_reported_detection_that_nobody_has_confirmed_is_visited_after_the_end_and_the_page_is_not_green():
+    reported = FOUND._replace(level=Level.DONE)
+    assert (texts(mission(AT_HOME, reported, end=0)), severity(mission(AT_HOME, reported, end=0))) == (
+        ["Go to survivor_1: no person has confirmed it"],
+        "warning",
+    )
+    assert texts(mission(AT_HOME, reported._replace(is_certain=True), end=0)) == []
+    second = reported._replace(name="survivor_2")
+    assert texts(mission(AT_HOME, reported, second, end=0)) == [
+        "Go to survivor_1, survivor_2: no person has confirmed them"
+    ]
+
+
+def test_a_detection_whose_kind_has_no_command_for_a_review_is_visited_after_the_end_too():
+    state = mission(AT_HOME, FOUND._replace(level=Level.DONE), end=0)
+    state.situation.kinds["survivor"] = LandmarkKind("survivor", "survivors", is_found=True)
+    assert texts(state) == ["Go to survivor_1: no person has confirmed it"]
 
 
 def test_a_task_of_the_mission_about_a_landmark_is_told_once_also_after_the_end():

@@ -165,6 +165,12 @@ def complete(robot: Robot) -> None:
     robot.finish()
 
 
+def complete_unreviewed(robot: Robot) -> None:
+    robot.find()
+    robot.search.record.record_acknowledgement("survivor_1")
+    complete(robot)
+
+
 def abort(robot: Robot) -> None:
     robot.command("abort")
     robot.end(1, "zone_b and zone_c were not visited.")
@@ -210,6 +216,11 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
     "called home": (call_home, "warning", "Send people to search zone_b"),
     "failed": (lambda robot: robot.finish("zone_c"), "error", "Send people to search zone_c: abandoned"),
     "complete": (complete, "good", "Nothing to do"),
+    "complete, not reviewed": (
+        complete_unreviewed,
+        "warning",
+        "Go to survivor_1: no person has confirmed it",
+    ),
     "complete with less": (Robot.finish, "warning", "Decide whether to search again"),
     "crashed": (
         lambda robot: robot.feed.set_process(RunProcess(is_gone=True), robot.number),

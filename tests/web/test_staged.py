@@ -85,6 +85,7 @@ BANDS = {
     "called home": ("ended early", "", "Called home by Ann: smoke. zone_b and zone_c were not visited."),
     "failed": ("failed", "", "No zone is left."),
     "complete": ("complete", "", ""),
+    "complete, not reviewed": ("complete", "1 task", ""),
     "complete with less": ("complete", "1 task", ""),
     "crashed": ("program crashed", "", "at 1:05, on the way to zone_b: the robot may still be driving"),
     "lost": ("lost", "", "No contact for 0:30. The robot may still be driving."),
