@@ -1,5 +1,6 @@
 """Debian's chromium, driven by selenium; a test that needs it is skipped where there is none, with the reason."""
 
+import base64
 import functools
 import os
 import shutil
@@ -93,6 +94,25 @@ class Browser:
         except StaleElementReferenceException:
             return False
         return True
+
+    def pdf(self):
+        """Print the page, and return the file. A browser under load refuses that now and then, and is asked again."""
+        from selenium.common.exceptions import WebDriverException
+
+        printed = []
+
+        def is_printed():
+            try:
+                result = self.driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
+            except WebDriverException as error:
+                if "Printing failed" not in str(error):
+                    raise
+            else:
+                printed.append(base64.b64decode(result["data"]))
+            return bool(printed)
+
+        self.wait(is_printed, "a print of the page")
+        return printed[0]
 
     def type(self, selector, *keys):
         """Press keys in an element."""

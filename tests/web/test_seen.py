@@ -1,13 +1,12 @@
 """What eyes find on maps and on paper, in a real browser: labels that nothing hides, and sheets that nothing is cut from."""
 
-import base64
-
 import pytest
 
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.reports.report_html import html_report
 from tests.reports.test_reports import CONFIRMED, alarm, mission
 from tests.web.conftest import as_address, patrol_report
+from tests.web.staged import show, staged
 
 pytestmark = pytest.mark.unmeasured
 
@@ -76,6 +75,26 @@ def test_a_label_lies_nearest_to_its_own_mark_or_is_connected_to_it(live, browse
     assert browser.js("return document.querySelectorAll('#map .leader').length") > 0
 
 
+COVERED = """
+const boxes = (selector) => [...document.querySelectorAll(selector)].map((each) => [each.textContent.trim() || each.className, each.getBoundingClientRect()]);
+const floor = document.querySelector('#map image').getBoundingClientRect();
+const at = (column, row) => [floor.left + floor.width * column / 32, floor.top + floor.height * row / 32];
+const [[left, top], [right, bottom]] = [at(9, 12), at(32, 13)];
+const above = [['wall', { left, top, right, bottom }], ...boxes('.zoom, .ruler, .north, #map-title, #legend')];
+const meet = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 2;
+return boxes('#map .label').flatMap(([name, box]) => above.filter(([, other]) => meet(box, other)).map(([what]) => [name, what]));
+"""
+"""The labels on the wall inside the hall of `tests.web.staged`, or below a button or a sign of the map."""
+
+
+@pytest.mark.parametrize("width", [360, 1280])
+def test_no_label_lies_on_a_wall_or_below_a_button(browser, width):
+    with staged("complete, not reviewed") as server:
+        show(browser, server, "complete, not reviewed", width)
+        browser.wait_for("#map", "survivor_1")
+        browser.wait(lambda: browser.js(COVERED) == [], "a map whose labels nothing covers")
+
+
 A4 = (688, 1001)
 """What is within the margins of a sheet, pixels: 182 by 265 mm."""
 MOST_SHEETS = 2
@@ -95,9 +114,7 @@ def large():
 
 def test_what_a_coordinator_reads_is_on_two_sheets(browser, large):
     browser.driver.get(large)
-    printed = browser.driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})
-    pdf = base64.b64decode(printed["data"])
-    assert 1 <= pdf.count(b"/Type /Page\n") <= MOST_SHEETS
+    assert 1 <= browser.pdf().count(b"/Type /Page\n") <= MOST_SHEETS
 
 
 CUT = """

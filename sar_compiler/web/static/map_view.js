@@ -4,6 +4,7 @@ import { isMoving, isPlaced } from "./condition_view.js";
 import { inWords } from "./places_view.js";
 import { clock, hue, html, icon, mark, say, set, svg } from "./shapes.js";
 import { LEVELS } from "./signs.js";
+import { Walls } from "./walls.js";
 
 const ARROW = "M15 0 L-10 10 L-5 0 L-10 -10 Z";
 // Candidate positions of a label's centre: x and y in half widths and heights of the label, at two distances beyond the mark's radius.
@@ -12,6 +13,8 @@ const AWAY = [0, 26];
 const [RADIUS, HEIGHT, FONT] = [13, 16, "600 13px system-ui, 'DejaVu Sans', sans-serif"];
 // The cost, in square pixels of covered area, of a label that is nearer to another mark than to its own, and so needs a line to its own.
 const MISTAKEN = 300;
+// The cost of a square pixel of a wall that a label covers, compared with one of a mark or another label, because the label stays legible.
+const ON_WALL = 0.25;
 // Maximum distance in pixels at which a click on the first corner closes an outline.
 const [CLOSING, LEAST_CORNERS] = [9, 3];
 const STEPS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
@@ -62,15 +65,18 @@ export class MapView {
     const [cx, cy] = [(box[0] + box[2]) / 2 + Math.min(spare, this.legend?.width ?? 0) / 2 / scale, (box[1] + box[3]) / 2];
     this.at = (x, y) => [width / 2 + (x - cx) * scale + this.shift[0], height / 2 - (y - cy) * scale + this.shift[1]];
     this.from = (px, py) => [cx + (px - width / 2 - this.shift[0]) / scale, cy - (py - height / 2 - this.shift[1]) / scale];
-    this.taken = [];
     // The selected robot is drawn above the other robots.
     const order = [...runs.filter((each) => each !== run), run];
     const of = (draw) => order.flatMap((each) => draw(each, each === run ? "" : " other"));
     const view = [width, height, scale, cx, cy, ...this.shift].join(" ");
     const told = `${view} ${order.map((each) => `${runs.indexOf(each)}.${each.version}`).join(" ")}`;
     const mapped = run.map ? run : (runs.find(({ map }) => map) ?? run);
-    this.mapNumber = mapped.map === this.mapped ? this.mapNumber : (this.mapNumber ?? 0) + 1;
-    this.mapped = mapped.map;
+    if (mapped.map !== this.mapped) {
+      this.mapNumber = (this.mapNumber ?? 0) + 1;
+      this.mapped = mapped.map;
+      const walls = mapped.map && new Walls(mapped.map, () => walls === this.walls && this.again());
+      this.walls = walls;
+    }
     set(this.canvas, { viewBox: `0 0 ${width} ${height}` });
     // A layer is redrawn only if its content has changed.
     this.layer("ground", `${view} ${this.mapNumber}`, () => this.ground(mapped, scale, width, height));
@@ -84,9 +90,9 @@ export class MapView {
       return this.marks.map(({ group }) => group);
     });
     const robots = this.robots(order, run, view);
-    this.taken = [...this.marks, ...robots].map(({ at: [x, y], radius }) => [x - radius, y - radius, x + radius, y + radius]);
     const places = robots.map(({ at: [x, y], text }) => `${Math.round(x / 8)} ${Math.round(y / 8)} ${text}`).join(" ");
-    this.layer("labels", `${told} ${places}`, () => this.labels([...robots, ...this.marks], width, height));
+    const known = `${this.mapNumber} ${Boolean(this.walls?.sums)}`;
+    this.layer("labels", `${told} ${places} ${known}`, () => this.labels([...robots, ...this.marks], width, height, scale));
     this.layer("signs", `${view} ${run.north}`, () => [this.ruler(scale, height), this.north(run, width)]);
     set(this.place, { "aria-label": `Map. ${described(stream)}` });
     this.legend?.show(run);
@@ -234,7 +240,9 @@ export class MapView {
   }
 
   /** Place each name beside its mark, at the position with the least overlap. */
-  labels(marks, width, height) {
+  labels(marks, width, height, scale) {
+    const taken = [...this.covers(width, height, scale), ...marks.map(({ at: [x, y], radius }) => [x - radius, y - radius, x + radius, y + radius])];
+    const onWalls = ([left, top, right, bottom]) => ON_WALL * scale ** 2 * (this.walls?.within([this.from(left, top), this.from(right, top), this.from(left, bottom), this.from(right, bottom)]) ?? 0);
     return marks.filter(({ text }) => text).flatMap(({ at: [x, y], text, style, robot }) => {
       const half = this.pen.measureText(text).width / 2 + 2;
       const boxes = AWAY.flatMap((away) => SIDES.map(([right, down]) => {
@@ -242,10 +250,10 @@ export class MapView {
         return [cx - half, cy - HEIGHT / 2, cx + half, cy + HEIGHT / 2];
       }));
       const near = marks.filter(({ at }) => Math.hypot(at[0] - x, at[1] - y) < 2 * (half + RADIUS + AWAY[1]) && (at[0] !== x || at[1] !== y));
-      const cost = boxes.map((box, side) => side * 0.5 + outside(box, width, height) + this.taken.reduce((sum, other) => sum + overlap(box, other), 0) + mistaken(box, [x, y], near));
+      const cost = boxes.map((box, side) => side * 0.5 + outside(box, width, height) + taken.reduce((sum, other) => sum + overlap(box, other), 0) + onWalls(box) + mistaken(box, [x, y], near));
       const least = Math.min(...cost);
       const box = boxes[cost.indexOf(least)];
-      this.taken.push(box);
+      taken.push(box);
       const label = svg("text", { class: style, x: ((box[0] + box[2]) / 2).toFixed(1), y: (box[3] - 4).toFixed(1), "text-anchor": "middle" }, text);
       if (robot !== undefined) label.style.setProperty("--robot", hue(robot));
       // A label that does not touch its mark, or is nearer to another mark, is connected to its mark by a line.
@@ -254,8 +262,19 @@ export class MapView {
     });
   }
 
+  /** Return the boxes of what is drawn or shown above the marks: title, buttons, legend, ruler and north arrow. */
+  covers(width, height, scale) {
+    const { left, top } = this.place.getBoundingClientRect();
+    const beside = [...this.place.parentElement.querySelectorAll(":scope > :is(h2, .zoom, details)")].map((each) => each.getBoundingClientRect());
+    return [
+      ...beside.map((box) => [box.left - left, box.top - top, box.right - left, box.bottom - top]),
+      [8, height - 36, 16 + ruled(scale) * scale, height],
+      [width - 60, 64, width - 4, 116],
+    ];
+  }
+
   ruler(scale, height) {
-    const metres = STEPS.findLast((each) => each * scale < 110) ?? STEPS[0];
+    const metres = ruled(scale);
     const text = svg("text", { x: 12, y: height - 20 }, `${metres} m`);
     return svg("g", { class: "ruler" }, svg("path", { d: `M12 ${height - 15} v6 h${metres * scale} v-6` }), text);
   }
@@ -444,6 +463,11 @@ function cells(layer) {
   const group = svg("g", { class: "cells" }, ...[...paths].map(([letter, d]) => svg("path", { "fill-opacity": opacity(TENTHS.indexOf(letter)), d })));
   drawnOf.set(layer, group);
   return group;
+}
+
+/** Return the length of the ruler in metres. */
+function ruled(scale) {
+  return STEPS.findLast((each) => each * scale < 110) ?? STEPS[0];
 }
 
 function clamp(value, least, most) {
