@@ -134,14 +134,15 @@ class Journal:
         self.aside = aside
         self.head = ""
         known = file if aside is None else None
-        self.is_resumed = known is not None and bool(known.runs())
+        runs = known.runs() if known is not None else []
+        self.is_resumed = bool(runs)
         self._facts = [*known.events()] if known is not None else []
         self._about = known.description() if known is not None else {}
         self._has_begun = self.is_resumed
         # The number of the last event or observation. Entries are ordered by number, because the system's clock may change.
         self._number = known.last_number() if known is not None else 0
-        # The number of the run; 1 without a file.
-        self._run = 1
+        # The number of the run, which entries before its start have too; 1 without a file.
+        self._run = runs[-1].number + 1 if runs else 1
         self._is_written = False
         self._reserve: SpillFile | None = None
         self._numbers: dict[str, int] = {}

@@ -81,6 +81,20 @@ def test_the_runs_of_a_mission_come_one_after_the_other(tmp_path):
     assert stream == [(run, kind) for run in (1, 2) for kind in kinds]
 
 
+def test_a_log_line_before_the_start_of_a_resumed_run_belongs_to_that_run(tmp_path):
+    place = tmp_path / "mission.journal"
+    told: list[JournalEntry] = []
+    for resume in (False, True, True):
+        journal = open_journal(place, resume=resume)
+        journal.add_listener(told.append)
+        journal.record_observation("log", text="waiting for navigation")
+        journal.begin({}, {})
+        journal.close()
+    assert [(entry.run, entry.kind) for entry in told] == [
+        (run, kind) for run in (1, 2, 3) for kind in ("log", "run_began")
+    ]
+
+
 def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back(tmp_path, monkeypatch):
     place = tmp_path / "mission.journal"
     clock = iter([*range(100, 105), *range(50, 100)])
