@@ -282,13 +282,19 @@ class TreeExecutionServer(LifecycleNode):
     async def _execute(self, goal: ServerGoalHandle) -> ExecuteTree.Result:
         """Start the run of an accepted goal, wait for its end, and return the result."""
         ended: Future = Future(executor=self.executor)
+        lines: deque[str] = deque()
+
+        def tell(line: str) -> None:
+            lines.append(line)
+            self._schedule(lambda: self._publish_feedback(goal, lines))
+
         request, say = goal.request, self.get_logger().info
         say(f"Starting a run of '{request.target_tree}'.")
         try:
             self._run = self._starter.start(
                 str(request.target_tree),
                 parameters_of(str(request.payload)),
-                lambda line: self._schedule(lambda: self._publish_feedback(goal, line)),
+                tell,
                 lambda end: self._schedule(lambda: ended.set_result(end)),
             )
         except OSError as error:
@@ -306,9 +312,11 @@ class TreeExecutionServer(LifecycleNode):
         status = NodeStatus(status=getattr(NodeStatus, end.outcome))
         return ExecuteTree.Result(node_status=status, return_message=end.message)
 
-    def _publish_feedback(self, goal: ServerGoalHandle, line: str) -> None:
-        if goal.is_active:
-            goal.publish_feedback(ExecuteTree.Feedback(message=line))
+    def _publish_feedback(self, goal: ServerGoalHandle, lines: deque[str]) -> None:
+        """Publish the lines in one message, because a client keeps only ten messages that it has not handled."""
+        message = "\n".join(lines.popleft() for _ in range(len(lines)))
+        if message and goal.is_active:
+            goal.publish_feedback(ExecuteTree.Feedback(message=message))
 
     def _schedule(self, call: Callable[[], object]) -> None:
         """Schedule a call in the executor's thread; calls are executed in order."""
