@@ -131,3 +131,14 @@ def test_no_two_numbers_of_a_page_contradict_each_other(browser, name):
         assert {*re.findall(rf"{gauge}(?: is)?(?: at)? ([\d.]+) %", said["text"])} <= known
     if "to go" in said["times"] and name in ("paused", "waiting", "position lost"):
         assert not re.search(r"\d", said["times"]["to go"])
+
+
+def test_a_detection_is_not_offered_as_a_duplicate_of_itself(browser):
+    with staged("detection") as server:
+        show(browser, server, "detection", 1280)
+        browser.click("#tasks button:not(.link)")
+        offered = "return document.querySelector('#ask [name=same_as] [value=survivor_1]').disabled"
+        assert browser.js(offered)
+        chosen = "const field = document.querySelector('#ask [name=survivor]'); field.value = ''; field.dispatchEvent(new Event('change'))"
+        browser.js(chosen)
+        assert not browser.js(offered)

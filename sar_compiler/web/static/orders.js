@@ -231,6 +231,7 @@ export class Orders {
   async question(verb, robot, given, to = this.stream.names[robot]) {
     const run = this.stream.runs[robot];
     const fields = new Map(verb.fields.map((field) => [field.name, this.field(field, run, given[field.name])]));
+    offerOnce(verb.fields.filter(({ kind }) => kind === "found").map(({ name }) => fields.get(name)));
     const label = labelOf(verb, run.objects[verb.name]);
     const body = [...(verb.confirm ? [html("p", {}, verb.confirm)] : []), ...verb.fields.map((field) => html("label", {}, `${field.label} `, fields.get(field.name))), this.reasonField()];
     const outline = verb.fields.find(({ kind }) => kind === "polygon")?.name;
@@ -351,6 +352,15 @@ export class Orders {
     this.answer.dataset.kind = kind;
     if (kind === "done") this.fading = setTimeout(() => this.tell(""), READ_MS);
   }
+}
+
+/** Disable in each of the fields what another field has chosen: a detection is no duplicate of itself. */
+function offerOnce(fields) {
+  const update = () => {
+    for (const field of fields) for (const option of field.options) option.disabled = Boolean(option.value) && fields.some((other) => other !== field && other.value === option.value);
+  };
+  for (const field of fields) field.addEventListener("change", update);
+  update();
 }
 
 /** Return the shown identity of each landmark that a command's values name, by kind and name; empty if the landmark does not exist. */
