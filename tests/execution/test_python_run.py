@@ -1,4 +1,4 @@
-"""A mission that is run from Python."""
+"""Tests of running a mission from Python."""
 
 import pytest
 
@@ -9,7 +9,7 @@ from tests.trees import document
 pytestmark = pytest.mark.ros
 
 
-def test_the_properties_that_the_options_name_are_watched(tmp_path):
+def test_properties_are_monitored_if_options_request_it(tmp_path):
     options = RunOptions(
         "search_and_rescue",
         sim="disaster_zone",
@@ -25,7 +25,7 @@ def test_the_properties_that_the_options_name_are_watched(tmp_path):
     assert len(outcome.head) == 64
 
 
-def test_a_tree_with_errors_is_refused_before_anything_starts(tmp_path):
+def test_tree_with_errors_is_rejected_before_start(tmp_path):
     tree = tmp_path / "tree.xml"
     tree.write_text(document("<NavigateToBse/>"), encoding="utf-8")
     with pytest.raises(TreeError, match="NavigateToBse"):

@@ -1,4 +1,4 @@
-"""What a client of `sar-run --serve` is told of a run, and what its payload means."""
+"""Tests of the results and messages that `sar-run --serve` sends to its clients, and of the payloads it accepts."""
 
 import os
 import re
@@ -30,7 +30,7 @@ from tests.trees import document
 
 __all__ = ["make_ros", "ros"]
 
-STAND, GO_ON = True, False
+PAUSE, RESUME = True, False
 STOPPED = "the run was stopped before it was complete"
 
 
@@ -44,22 +44,22 @@ STOPPED = "the run was stopped before it was complete"
         (2, "", EndedRun("IDLE", "line 3: unknown-node")),
         (3, "waiting for Nav2", EndedRun("IDLE", "line 3: unknown-node")),
         (143, "waiting for Nav2", EndedRun("IDLE", STOPPED)),
-        # Killed while it was writing.
+        # Killed while writing its summary.
         (-9, '{"status": 0, "rea', EndedRun("IDLE", STOPPED)),
     ],
 )
-def test_how_a_run_has_ended_is_told_by_its_status_and_its_summary(status, last, ended):
+def test_run_result_follows_exit_status_and_summary(status, last, ended):
     assert run_result(status, last, "line 3: unknown-node") == ended
 
 
-def test_the_reason_stands_before_what_ros_has_logged():
+def test_message_puts_verdict_first_and_drops_ros_log_lines():
     log = "[WARN] [1795868746.7] [rcl]: ROS_LOCALHOST_ONLY is deprecated"
     finding, verdict = "tree.xml:3:5: error[unknown-node]: there is no node 'X'", "sar-run: it cannot be run"
     assert run_result(2, "", f"{log}\n{finding}\n{verdict}").message == f"{verdict}\n{finding}"
     assert run_result(3, "", log).message == log
 
 
-def test_a_run_has_ended_although_what_it_has_begun_holds_its_output_open(tmp_path, monkeypatch):
+def test_run_ends_even_if_child_process_keeps_output_open(tmp_path, monkeypatch):
     ended: Queue[Any] = Queue()
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "endless.py").write_text(
@@ -77,7 +77,7 @@ def test_a_run_has_ended_although_what_it_has_begun_holds_its_output_open(tmp_pa
     assert (status, end.outcome) == (2, "IDLE")
 
 
-def test_a_payload_names_parameters_one_below_the_other():
+def test_nested_payload_becomes_dotted_parameters():
     assert parameters_of('{"a": {"b": {"c": [1, 2]}, "d": "x"}, "e": true}') == {
         "a.b.c": [1, 2],
         "a.d": "x",
@@ -85,7 +85,7 @@ def test_a_payload_names_parameters_one_below_the_other():
     }
 
 
-def test_a_list_of_whole_and_other_numbers_has_real_ones_which_ros_takes_and_no_other_list_is_changed():
+def test_only_mixed_number_lists_become_floats():
     found = parameters_of('{"a": [1, 2.5], "b": [1, 2], "c": [1, true], "d": ["x", 1.5], "e": []}')
     assert str(found["a"]) == "[1.0, 2.5]"
     assert str([found[name] for name in "bcde"]) == "[[1, 2], [1, True], ['x', 1.5], []]"
@@ -93,7 +93,7 @@ def test_a_list_of_whole_and_other_numbers_has_real_ones_which_ros_takes_and_no_
         parameters_of(f'{{"a": [0.5, {10**400}]}}')
 
 
-def test_the_payloads_that_users_are_shown_have_parameters_that_the_mission_reads():
+def test_documented_payloads_have_parameters_of_the_mission():
     shown = re.findall(
         r"a JSON object: `({.*?})`. If",
         Path("docs/how-to/serve-missions.md").read_text(encoding="utf-8"),
@@ -110,7 +110,7 @@ def test_the_payloads_that_users_are_shown_have_parameters_that_the_mission_read
 
 
 @pytest.mark.parametrize("payload", ["", "  \n", "{}"])
-def test_without_a_payload_there_are_no_parameters(payload):
+def test_empty_payload_has_no_parameters(payload):
     assert parameters_of(payload) == {}
 
 
@@ -135,20 +135,20 @@ def test_without_a_payload_there_are_no_parameters(payload):
         ('{"a": {"-p": 1}}', "the payload has an invalid parameter name '-p'"),
     ],
 )
-def test_a_payload_that_is_none_is_refused(payload, said):
+def test_invalid_payload_is_rejected(payload, said):
     with pytest.raises(PayloadError, match=said):
         parameters_of(payload)
 
 
 @register("Photographer", kind=Kind.ACTION, outcomes=[Status.SUCCESS])
 class Photographer(py_trees.behaviour.Behaviour):
-    """A leaf with a path among its ports."""
+    """A leaf with a path port."""
 
     def __init__(self, name: str, folder: Path, note: str) -> None:
         super().__init__(name)
 
 
-def test_the_parameters_that_are_paths_are_the_mission_s_and_those_that_leaves_have_for_one(tmp_path):
+def test_path_parameters_come_from_mission_and_leaf_ports(tmp_path):
     (tmp_path / "tree.xml").write_text(
         document('<Sequence><Photographer folder="{@photos}" note="{@note}"/><ZonesRemaining/></Sequence>'),
         encoding="utf-8",
@@ -162,13 +162,13 @@ def test_the_parameters_that_are_paths_are_the_mission_s_and_those_that_leaves_h
 
 
 @pytest.mark.ros
-class TestHolding:
+class TestPauseCommand:
     @pytest.fixture
-    def hold(self, ros):
+    def set_paused(self, ros):
         verbs = (OperatorCommand("pause", "Pause", "It stands.", role="hold"),)
         return holder(CommandClient(ros.node("server"), verbs, of="/mission"), {"hold": "pause"}, "/server")
 
-    def test_a_run_whose_orders_are_not_found_yet_is_held_once_they_are(self, ros, hold):
+    def test_new_run_is_paused_once_its_service_exists(self, ros, set_paused):
         from std_srvs.srv import Trigger
 
         given: list[str] = []
@@ -179,7 +179,7 @@ class TestHolding:
             looked.set()
             return True
 
-        hold(STAND, is_new, refused.append)
+        set_paused(PAUSE, is_new, refused.append)
         ros.spin_until(looked.is_set, "the look for the order")
         mission = ros.node("mission")
 
@@ -192,13 +192,13 @@ class TestHolding:
         ros.spin_until(lambda: given, "the order")
         assert refused == []
 
-    def test_a_run_that_is_not_new_any_more_and_knows_no_order_refuses(self, ros, hold):
+    def test_older_run_without_pause_service_is_refused(self, ros, set_paused):
         refused: list[str] = []
-        hold(STAND, lambda: False, refused.append)
+        set_paused(PAUSE, lambda: False, refused.append)
         ros.spin_until(lambda: refused, "the refusal")
         assert refused == ["no node of this tree executes 'pause'"]
 
-    def test_a_mission_without_such_a_verb_refuses_at_once(self, hold):
+    def test_missing_resume_command_is_refused_at_once(self, set_paused):
         refused: list[str] = []
-        hold(GO_ON, lambda: True, refused.append)
+        set_paused(RESUME, lambda: True, refused.append)
         assert refused == ["the mission has no command to resume it"]

@@ -1,4 +1,4 @@
-"""Runs of trees with stub leaves, with the streams of their journals: by what a test says, and by chance with one fault."""
+"""Runs trees with stub leaves, scripted by a test or random with one fault, and returns their journal entries."""
 
 import functools
 import random
@@ -29,7 +29,7 @@ def simulated(tree, registry=REGISTRY):
 
 
 class Said:
-    """Answers what is said of leaves, in turn; afterwards, and of others, what is usual.
+    """Lets leaves return scripted outcomes in turn, and their nominal outcomes otherwise.
 
     Args:
         outcomes: Labels or statuses, by the names of leaves.
@@ -45,7 +45,7 @@ class Said:
 
 
 def a_mission(chance):
-    """Return a tree as people write them: steps, some with a second way, a look before, or some tries."""
+    """Return a realistic random tree: steps, some with a fallback, a condition before them, or retries."""
     numbers = iter(range(1000))
 
     def leaf(tag):
@@ -69,7 +69,10 @@ def a_mission(chance):
 
 
 class FaultyPolicy:
-    """Actions run for a while and succeed; conditions say the same for a whole run, many of them no; one leaf fails from some moment on."""
+    """Lets actions run for a while and succeed, and one leaf fail from some visit on.
+
+    A condition returns the same status in the whole run, FAILURE in 40 % of the cases.
+    """
 
     def __init__(self, seed, faulty=None, first=0):
         self._seed, self._faulty, self._first = seed, faulty, first
@@ -90,7 +93,12 @@ class FaultyPolicy:
 
 
 def flown(simulated, policy, journal=None, **about):
-    """Return the stream of a run, and what its root came to; the policy is told of each tick, the journal more about the run."""
+    """Return the journal entries of a run and the root's last status.
+
+    Args:
+        policy: Chooses the outcomes. Its attribute `tick` is set before each tick.
+        about: More data for the journal's description of the run.
+    """
     tree = LiveTree(simulated.root, is_strict=True)
     simulated.policy = policy
     journal = journal or Journal()
@@ -113,7 +121,7 @@ def flown(simulated, policy, journal=None, **about):
 
 
 def watched_tick(tree, watch):
-    """Tick a tree once, watched as a run is; return what its root has come to."""
+    """Tick a tree once, recorded as in a run; return the root's status."""
     visits: list[Visit] = []
     watch.initialise()
     try:
@@ -125,7 +133,7 @@ def watched_tick(tree, watch):
 
 
 def injected(path):
-    """Yield streams of missions that failed because of one fault, with the leaf that was faulty, and what makes the policy again."""
+    """Yield the faulty leaf, the journal entries and a factory of the policy of missions that failed because of one fault."""
     for seed in range(10_000):
         chance = random.Random(seed)  # noqa: S311 - the same in every run
         path.write_text(document(a_mission(chance)), encoding="utf-8")

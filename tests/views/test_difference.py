@@ -1,4 +1,4 @@
-"""What `sar-compile diff` finds between two trees."""
+"""Tests of the differences between two trees that `sar-compile diff` lists."""
 
 import itertools
 
@@ -34,14 +34,14 @@ def differences(old, new):
     return difference(parse_xml(old, "a.xml"), parse_xml(new, "b.xml"))
 
 
-def said(old, new):
-    """Return what is said of the change from one tree to another, without the places in the files."""
+def change_lines(old, new):
+    """Return the lines that describe the change from one tree to another, without file locations."""
     lines = difference_as_text(differences(document(old), document(new))).splitlines()
     return [" ".join(line.rsplit("  (", maxsplit=1)[0].split()) for line in lines]
 
 
-def after(*replacements):
-    """Return the tree after texts in it were replaced; each must be there."""
+def replace_in_tree(*replacements):
+    """Return `TREE` with replaced texts, each of which it must contain."""
     tree = TREE
     for old, new in replacements:
         assert old in tree
@@ -49,8 +49,8 @@ def after(*replacements):
     return tree
 
 
-def test_a_tree_does_not_differ_from_itself():
-    assert said(TREE, TREE) == []
+def test_tree_does_not_differ_from_itself():
+    assert change_lines(TREE, TREE) == []
 
 
 @pytest.mark.parametrize(
@@ -63,21 +63,21 @@ def test_a_tree_does_not_differ_from_itself():
     ],
     ids=["comments and space", "the order of attributes", "the explicit form", "line ends"],
 )
-def test_what_says_nothing_of_the_tree_is_no_difference(old, new):
-    assert said(TREE, after((old, new))) == []
+def test_formatting_is_not_a_difference(old, new):
+    assert change_lines(TREE, replace_in_tree((old, new))) == []
 
 
-def test_the_form_of_the_file_is_no_difference():
+def test_xml_and_yaml_of_same_tree_do_not_differ():
     in_xml = parse_xml(document(TREE).replace("<root", '<root xmlns:xsi="x" xsi:schemaLocation="y"'))
     assert difference(in_xml, parse_yaml(write_yaml(parse_xml(document(TREE))))) == []
 
 
-def test_the_order_of_trees_is_no_difference():
+def test_order_of_trees_is_not_a_difference():
     one, other = '<BehaviorTree ID="A"><X/></BehaviorTree>', '<BehaviorTree ID="B"><Y/></BehaviorTree>'
     assert differences(f"<root>{one}{other}</root>", f"<root>{other}{one}</root>") == []
 
 
-def test_the_order_of_descriptions_is_no_difference():
+def test_order_of_node_models_is_not_a_difference():
     one, other = '<Action ID="A"><input_port name="p"/><input_port name="q"/></Action>', '<Action ID="B"/>'
     old = f"<root><TreeNodesModel>{one}{other}</TreeNodesModel></root>"
     new = f"<root><include path='x'/><TreeNodesModel>{other}{one}</TreeNodesModel></root>"
@@ -96,114 +96,116 @@ def test_the_order_of_descriptions_is_no_difference():
     ],
     ids=["changed", "gone", "new", "two lines", "renamed", "another tag"],
 )
-def test_a_changed_attribute_is_told_with_what_it_was_and_is(replacement, line):
-    assert said(TREE, after(replacement)) == [f"changed Main/Mission/Patrol/{line}"]
+def test_changed_attribute_is_listed_with_old_and_new_value(replacement, line):
+    assert change_lines(TREE, replace_in_tree(replacement)) == [f"changed Main/Mission/Patrol/{line}"]
 
 
-def test_a_renamed_node_is_the_same_node_where_most_of_its_content_is():
-    new = after(('name="Patrol"', 'name="Tour"'), ("<Look/>", ""))
-    assert said(TREE, new) == [
+def test_renamed_node_is_matched_by_its_content():
+    new = replace_in_tree(('name="Patrol"', 'name="Tour"'), ("<Look/>", ""))
+    assert change_lines(TREE, new) == [
         'changed Main/Mission/Tour: name "Patrol" -> "Tour"',
         "removed Main/Mission/Patrol/Look <Look>",
     ]
 
 
-def test_a_node_of_another_name_and_content_is_another_node():
-    new = after(
+def test_node_with_other_name_and_content_is_not_matched():
+    new = replace_in_tree(
         ('<Say name="Report" message="found" times="2"/>', '<Say name="Sing" message="la" times="9"/>')
     )
-    assert said(TREE, new) == [
+    assert change_lines(TREE, new) == [
         "removed Main/Mission/Patrol/Report <Say>",
         "added Main/Mission/Patrol/Sing <Say>",
     ]
 
 
-def test_a_node_of_the_same_kind_without_a_name_is_the_same_node_in_its_place():
-    assert said(TREE, after(('goal="b"', 'goal="c"'))) == [
+def test_unnamed_nodes_are_matched_by_tag_and_position():
+    assert change_lines(TREE, replace_in_tree(('goal="b"', 'goal="c"'))) == [
         'changed Main/Mission/Patrol/Drive[2]: goal "b" -> "c"'
     ]
 
 
-def test_a_control_of_another_kind_around_the_same_nodes_is_the_same_node():
-    new = after(('<Selector name="Mission" memory="false">', "<Fallback>"), ("</Selector>", "</Fallback>"))
-    assert said(TREE, new) == [
+def test_control_node_with_same_children_is_matched_despite_other_tag():
+    new = replace_in_tree(
+        ('<Selector name="Mission" memory="false">', "<Fallback>"), ("</Selector>", "</Fallback>")
+    )
+    assert change_lines(TREE, new) == [
         "changed Main/Fallback: <Selector> -> <Fallback>",
         'changed Main/Fallback: name "Mission" -> not written',
         'changed Main/Fallback: memory "false" -> not written',
     ]
 
 
-def test_added_and_removed_nodes_are_told_with_the_number_of_those_in_them():
-    new = after(("<Look/>", "<Inverter><Retry><Listen/></Retry></Inverter>"))
-    assert said(TREE, new) == [
+def test_added_and_removed_nodes_are_listed_with_descendant_count():
+    new = replace_in_tree(("<Look/>", "<Inverter><Retry><Listen/></Retry></Inverter>"))
+    assert change_lines(TREE, new) == [
         "removed Main/Mission/Patrol/Look <Look>",
         "added Main/Mission/Patrol/Inverter <Inverter>, with 2 nodes in it",
     ]
-    assert said(new, TREE) == [
+    assert change_lines(new, TREE) == [
         "removed Main/Mission/Patrol/Inverter <Inverter>, with 2 nodes in it",
         "added Main/Mission/Patrol/Look <Look>",
     ]
 
 
-def test_a_node_that_was_put_into_a_new_one_has_moved():
-    assert said(TREE, after(("<Look/>", '<Inverter name="Not"><Look/></Inverter>'))) == [
+def test_node_wrapped_in_new_node_is_listed_as_moved():
+    assert change_lines(TREE, replace_in_tree(("<Look/>", '<Inverter name="Not"><Look/></Inverter>'))) == [
         "added Main/Mission/Patrol/Not <Inverter>",
         "moved Main/Mission/Patrol/Look -> Main/Mission/Patrol/Not/Look",
     ]
 
 
-def test_a_node_that_was_taken_out_of_a_removed_one_has_moved():
-    old = after(("<Look/>", '<Inverter name="Not"><Look/></Inverter>'))
-    assert said(old, TREE) == [
+def test_node_unwrapped_from_removed_node_is_listed_as_moved():
+    old = replace_in_tree(("<Look/>", '<Inverter name="Not"><Look/></Inverter>'))
+    assert change_lines(old, TREE) == [
         "removed Main/Mission/Patrol/Not <Inverter>",
         "moved Main/Mission/Patrol/Not/Look -> Main/Mission/Patrol/Look",
     ]
 
 
-def test_a_node_may_move_to_another_parent_and_change():
-    new = after(
+def test_node_can_move_to_other_parent_and_change():
+    new = replace_in_tree(
         ('<Say name="Report" message="found" times="2"/>', ""),
         ("<Rest/>", '<Rest/><Say name="Report" message="lost"/>'),
     )
-    assert said(TREE, new) == [
+    assert change_lines(TREE, new) == [
         "moved Main/Mission/Patrol/Report -> Main/Mission/Home/Report",
         'changed Main/Mission/Home/Report: message "found" -> "lost"',
         'changed Main/Mission/Home/Report: times "2" -> not written',
     ]
 
 
-def test_of_two_that_changed_places_one_has_moved():
-    new = after(('<Drive goal="home"/>\n    <Rest/>', '<Rest/>\n    <Drive goal="home"/>'))
-    assert said(TREE, new) == ["moved Main/Mission/Home/Drive: child 1 -> child 2"]
+def test_swapping_two_siblings_is_one_move():
+    new = replace_in_tree(('<Drive goal="home"/>\n    <Rest/>', '<Rest/>\n    <Drive goal="home"/>'))
+    assert change_lines(TREE, new) == ["moved Main/Mission/Home/Drive: child 1 -> child 2"]
 
 
-def test_a_tree_that_is_gone_is_one_change():
+def test_removed_tree_is_one_change():
     whole = document(TREE).replace("</root>", '<BehaviorTree ID="Spare"><Rest/></BehaviorTree></root>')
     text = difference_as_text(differences(whole, document(TREE)))
     assert text == "removed  Spare <BehaviorTree>, with 1 node in it  (a.xml:18)\n"
 
 
-def test_another_main_tree_is_a_change_of_the_root():
+def test_other_main_tree_is_a_change_of_the_root():
     lines = difference_as_text(
         differences('<root main_tree_to_execute="A"/>', '<root main_tree_to_execute="B"/>')
     )
     assert lines == 'changed  root: main_tree_to_execute "A" -> "B"  (a.xml:1, b.xml:1)\n'
 
 
-def test_a_description_of_a_port_can_change():
+def test_changed_port_description_is_listed():
     model = '<root><TreeNodesModel><Action ID="Say"><input_port name="m">{}</input_port></Action></TreeNodesModel></root>'
     lines = difference_as_text(differences(model.format("What."), model.format("Which.")))
     assert lines.startswith('changed  TreeNodesModel/Say/m: description "What." -> "Which."')
 
 
-def test_a_change_tells_the_line_in_both_files():
-    found = differences(document(TREE), "\n" + document(after(('goal="home"', 'goal="base"'))))
+def test_change_names_line_in_both_files():
+    found = differences(document(TREE), "\n" + document(replace_in_tree(('goal="home"', 'goal="base"'))))
     assert difference_as_text(found) == (
         'changed  Main/Mission/Home/Drive: goal "home" -> "base"  (a.xml:12, b.xml:13)\n'
     )
 
 
-def flat(leaves):
+def flat_tree(leaves):
     return document(f"<Sequence>{''.join(leaves)}</Sequence>")
 
 
@@ -226,17 +228,17 @@ def flat(leaves):
     ],
     ids=["all alike", "in reverse", "all renamed"],
 )
-def test_ten_thousand_nodes_are_compared_whatever_has_happened_to_them(old, new, changes):
-    assert len(differences(flat(old), flat(new))) == changes
+def test_trees_of_ten_thousand_nodes_are_compared(old, new, changes):
+    assert len(differences(flat_tree(old), flat_tree(new))) == changes
 
 
 @given(tree_files())
-def test_no_tree_differs_from_itself(tree_file):
+def test_random_tree_does_not_differ_from_itself(tree_file):
     assert difference(tree_file, tree_file) == []
 
 
 @given(tree_files(), tree_files())
-def test_two_trees_differ_just_if_they_say_different_things(old, new):
+def test_random_trees_have_symmetric_and_consistent_differences(old, new):
     found = difference(old, new)
     assert bool(found) == bool(difference(new, old))
     if old.root == new.root:
@@ -250,14 +252,14 @@ LISTS = st.lists(st.sampled_from("abcd"), max_size=9)
 
 
 @given(LISTS, LISTS)
-def test_what_two_lists_have_in_common_is_as_long_as_it_can_be(old, new):
+def test_common_subsequence_is_the_longest(old, new):
     pairs = common_subsequence(old, new)
     assert all(old[i] == new[j] for i, j in pairs)
     assert all(i < k and j < m for (i, j), (k, m) in itertools.pairwise(pairs))
-    assert len(pairs) == longest(old, new)
+    assert len(pairs) == longest_length(old, new)
 
 
-def longest(old, new):
+def longest_length(old, new):
     lengths = [0] * (len(new) + 1)
     for one in old:
         before = lengths[:]

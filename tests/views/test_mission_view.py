@@ -1,4 +1,4 @@
-"""A mission on a screen: what is shown where not all of it has room."""
+"""Tests of the terminal view of a mission: the part that is shown if the screen is too small, and the log lines."""
 
 import pytest
 
@@ -21,7 +21,7 @@ def node(name, *children):
 
 
 def mission(tree, *statuses, more=()):
-    """Return a mission after the statuses of some nodes by number, one a second."""
+    """Return the state of a mission after node statuses, given by node number, one per second."""
     about = {"mission": "patrol", "tree": tree, "run": {}}
     told = [("run_began", about)]
     told += [
@@ -39,11 +39,11 @@ def lines(state, height=24, now=10.0):
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(0, "0:00"), (65.9, "1:05"), (3600, "1:00:00"), (-1, "0:00")])
-def test_durations_are_told_as_on_a_clock(seconds, text):
+def test_durations_are_formatted_as_on_a_clock(seconds, text):
     assert clock_text(seconds) == text
 
 
-def test_a_small_tree_is_shown_as_a_whole():
+def test_small_tree_is_shown_completely():
     state = mission(node("Main", node("Drive"), node("Look")), (1, "RUNNING", "3 m left"), (0, "RUNNING", ""))
     assert lines(state) == [
         "patrol  0:10  working",
@@ -53,7 +53,7 @@ def test_a_small_tree_is_shown_as_a_whole():
     ]
 
 
-def test_what_a_node_said_in_a_former_activation_is_not_shown():
+def test_message_of_earlier_activation_is_not_shown():
     state = mission(node("Main", node("Drive")), (1, "RUNNING", "driving to a"), (1, "HALTED", ""))
     assert lines(state)[2] == "  [-] Drive"
 
@@ -68,7 +68,7 @@ def changed(**data):
     return "changed", data
 
 
-def find(number, **more):
+def detection(number, **more):
     return {
         "kind": "survivor",
         "name": f"survivor_{number}",
@@ -79,7 +79,7 @@ def find(number, **more):
     }
 
 
-def test_the_first_lines_have_the_place_what_is_left_of_the_drive_and_the_figures():
+def test_first_lines_show_target_remaining_drive_and_figures():
     drive = ("progress", {"target": "zone_b", "distance": 3.21, "time_left": 8.0})
     told = [
         changed(phase={"place": "zone_b"}, figures=[{"name": "zones visited", "value": 1, "of": 2}]),
@@ -91,7 +91,7 @@ def test_the_first_lines_have_the_place_what_is_left_of_the_drive_and_the_figure
     ]
 
 
-def test_of_a_robot_that_cannot_drive_the_headline_says_why_and_not_what_is_left_of_the_drive():
+def test_headline_of_robot_that_cannot_drive_shows_reason_not_remaining_drive():
     drive = ("progress", {"target": "zone_b", "distance": 5.6, "time_left": 8.0})
     lost = ("lacks", {"text": "Nav2 is not active: node amcl: missing"})
     head = lines(mission(node("Main"), more=[drive, lost]))[0]
@@ -105,23 +105,23 @@ def test_of_a_robot_that_cannot_drive_the_headline_says_why_and_not_what_is_left
         ("progress", {"target": "a", "distance": 5.6, "time_left": 8.0}),
     ],
 )
-def test_after_the_end_of_a_run_nobody_waits_or_drives(last):
+def test_headline_of_ended_run_shows_neither_waiting_nor_driving(last):
     ended = ("run_ended", {"ending": "failed", "status": 1, "reason": ""})
     head = lines(mission(node("Main"), more=[last, ended]))[0]
     assert head == "patrol  0:10  FAILED"
 
 
-def test_what_keeps_a_mission_stands_in_the_headline():
+def test_headline_shows_reason_for_pause():
     held = changed(phase={"name": "held", "reason": "by the operator", "place": "zone_b"})
     assert lines(mission(node("Main"), more=[held]))[0] == "patrol  0:10  PAUSED (0:09): by the operator"
 
 
-def test_the_latest_find_comes_first():
+def test_latest_detection_comes_first():
     told = changed(
         kinds=KINDS,
         landmarks=[
-            find(1, details={"report": "acknowledged", "found": {"run": 1, "time": 1, "wall": 1}}),
-            find(2),
+            detection(1, details={"report": "acknowledged", "found": {"run": 1, "time": 1, "wall": 1}}),
+            detection(2),
         ],
     )
     assert lines(mission(node("Main"), more=[told]))[1] == (
@@ -129,11 +129,11 @@ def test_the_latest_find_comes_first():
     )
 
 
-def test_of_what_is_looked_for_and_not_found_that_is_said():
+def test_searched_kind_without_detections_is_shown_as_none():
     assert lines(mission(node("Main"), more=[changed(kinds=KINDS)]))[1] == "survivors: none"
 
 
-def test_a_mission_that_looks_for_nobody_shows_the_latest_that_it_has_noted():
+def test_mission_without_display_shows_its_latest_events():
     told = [("photo_taken", {"photo": f"photo_{each}"}) for each in range(20)]
     shown = lines(mission(node("Main"), more=[*told, ("point_left", {}), ("\x1b[2J", {"a\n": 1.5})]))
     assert len(shown) == 3
@@ -141,7 +141,7 @@ def test_a_mission_that_looks_for_nobody_shows_the_latest_that_it_has_noted():
     assert shown[1].endswith("photo: photo_12")
 
 
-def test_an_alarm_has_a_line_of_its_own_until_it_is_over():
+def test_alarm_has_its_own_line_until_it_is_over():
     low = {"text": "battery low"}
     second = lines(mission(node("Main"), more=[changed(alarms=[low])]))[1]
     assert second == "ALARM (0:09): battery low"
@@ -149,19 +149,19 @@ def test_an_alarm_has_a_line_of_its_own_until_it_is_over():
     assert lines(mission(node("Main"), more=[changed(alarms=[low]), over]))[1] == "[-] Main"
 
 
-def test_what_runs_out_stands_before_the_alarms():
+def test_gauges_come_before_alarms():
     told = changed(gauges=[{"name": "battery", "value": 15, "unit": "%"}], alarms=[{"text": "low"}])
     assert lines(mission(node("Main"), more=[told]))[1] == "battery 15 %  ALARM (0:09): low"
 
 
-def wide(count=100):
+def wide_tree(count=100):
     return node("Main", *(node(f"child {number}", node("below")) for number in range(count)))
 
 
-def test_of_a_large_tree_the_way_to_what_runs_and_its_siblings_are_shown():
+def test_large_tree_shows_path_to_running_node_and_its_siblings():
     # The root, then each child with one below it.
     shown = lines(
-        mission(wide(), (0, "RUNNING", ""), (101, "RUNNING", ""), (102, "RUNNING", "here")), height=10
+        mission(wide_tree(), (0, "RUNNING", ""), (101, "RUNNING", ""), (102, "RUNNING", "here")), height=10
     )
     assert len(shown) == 10
     assert "  [*] child 50 > below  0:07  here" in shown
@@ -170,7 +170,7 @@ def test_of_a_large_tree_the_way_to_what_runs_and_its_siblings_are_shown():
     assert [line for line in shown if "more" in line] == ["  … 46 more", "  … 48 more"]
 
 
-def test_a_tree_that_is_deeper_than_the_screen_shows_its_deepest_running_nodes():
+def test_tree_deeper_than_screen_shows_deepest_running_nodes():
     tree = node("leaf")
     for depth in reversed(range(60)):
         tree = node(f"level {depth}", tree, node(f"beside {depth}"))
@@ -179,7 +179,7 @@ def test_a_tree_that_is_deeper_than_the_screen_shows_its_deepest_running_nodes()
     assert any("[*] leaf" in line for line in shown)
 
 
-def test_of_a_long_chain_the_first_and_the_last_are_named():
+def test_long_chain_names_first_and_last_nodes():
     tree = node("leaf")
     for depth in reversed(range(60)):
         tree = node(f"level {depth}", tree)
@@ -188,11 +188,11 @@ def test_of_a_long_chain_the_first_and_the_last_are_named():
 
 
 def chains(count):
-    """Return a tree with chains of only children: a root, and below it turned checks."""
+    """Return a tree with chains of only children: a root, and below it inverted checks."""
     return node("Main", *(node(f"Not {each}", node(f"Check {each}")) for each in range(count)))
 
 
-def test_only_children_stand_in_a_row_with_their_parents_once_there_is_not_room_for_all():
+def test_only_children_share_line_with_parent_if_screen_is_too_short():
     state = mission(
         chains(4), (2, "FAILURE", "no"), (1, "SUCCESS", ""), (4, "SUCCESS", ""), (3, "SUCCESS", "")
     )
@@ -204,12 +204,12 @@ def test_only_children_stand_in_a_row_with_their_parents_once_there_is_not_room_
     ]
 
 
-def test_a_chain_says_how_long_its_last_node_has_had_a_part():
+def test_chain_shows_time_and_message_of_its_last_active_node():
     state = mission(chains(4), (1, "RUNNING", "here"), (0, "RUNNING", ""))
     assert "  [*] Not 0 > [-] Check 0  0:09  here" in lines(state, height=9)
 
 
-def test_a_subtree_and_its_root_of_the_same_name_are_named_once():
+def test_subtree_and_root_of_same_name_are_shown_once():
     tree = node(
         "Main", node("Part", node("Part", node("a"), node("b"))), *(node(f"c{each}") for each in range(4))
     )
@@ -217,12 +217,12 @@ def test_a_subtree_and_its_root_of_the_same_name_are_named_once():
 
 
 @pytest.mark.parametrize("height", range(3, 40))
-def test_a_screen_has_never_more_lines_than_there_is_room_for(height):
+def test_screen_never_exceeds_its_height(height):
     running = [(0, "RUNNING", ""), *((number, "RUNNING", "") for number in range(1, 200, 14))]
-    assert len(lines(mission(wide(), *running), height=height)) <= height
+    assert len(lines(mission(wide_tree(), *running), height=height)) <= height
 
 
-def test_a_mission_that_has_ended_shows_how_it_came_to_that():
+def test_failed_tree_shows_path_to_failed_leaf():
     tree = node("Main", node("A", node("a")), node("B", node("b")), *(node(f"C{each}") for each in range(30)))
     shown = lines(
         mission(tree, (1, "SUCCESS", ""), (4, "FAILURE", "no way"), (3, "FAILURE", ""), (0, "FAILURE", "")),
@@ -231,50 +231,52 @@ def test_a_mission_that_has_ended_shows_how_it_came_to_that():
     assert "  [✕] B > b  0:08  no way" in shown
 
 
-def test_what_is_told_of_strangers_cannot_move_the_cursor():
+def test_control_characters_in_names_and_messages_are_escaped():
     state = mission(node("Main\x1b[2J"), (0, "RUNNING", "a\nb\x1b]0;title\x07"))
     assert lines(state)[1] == r"[*] Main\x1b[2J  0:09  a\nb\x1b]0;title\x07"
 
 
-def change(kind, data, before="", more=()):
+def change_line(kind, data, before="", more=()):
     state = mission(node("Main", node("Drive")), more=more)
     entry = JournalEntry(9, 1, 9.0, 2.5, kind, data)
     state.apply(entry)
     return change_text(state, entry, before)
 
 
-def test_a_change_is_a_line_with_the_time():
+def test_change_is_one_line_with_its_time():
     told = {"node": 1, "tick": 2, "status": "FAILURE", "message": "no way"}
-    assert change("status", told) == "     0:02  Drive FAILURE, no way"
-    assert change("zone_visited", {"zone": "zone_a"}) == "     0:02  zone visited: zone: zone_a"
+    assert change_line("status", told) == "     0:02  Drive FAILURE, no way"
+    assert change_line("zone_visited", {"zone": "zone_a"}) == "     0:02  zone visited: zone: zone_a"
 
 
-def test_which_leaf_has_noted_a_fact_is_no_line_of_its_own():
-    assert change("changed", {"leaf": 1, "tick": 2}) == ""
+def test_leaf_of_an_event_has_no_line():
+    assert change_line("changed", {"leaf": 1, "tick": 2}) == ""
 
 
-def test_of_a_mission_that_says_itself_what_has_happened_that_is_the_line():
+def test_sentence_of_mission_replaces_line_of_event():
     fact, said, told = {"zone": "zone_a"}, {"said": "zone_a was visited"}, [changed(kinds=[])]
-    assert change("zone_visited", fact, more=told) == ""
-    assert change("changed", said, more=[*told, ("zone_visited", fact)]) == "     0:02  zone_a was visited"
-    assert change("changed", {"figures": []}, more=told) == ""
+    assert change_line("zone_visited", fact, more=told) == ""
+    assert (
+        change_line("changed", said, more=[*told, ("zone_visited", fact)]) == "     0:02  zone_a was visited"
+    )
+    assert change_line("changed", {"figures": []}, more=told) == ""
 
 
-def test_what_was_ordered_is_told_with_who_ordered_it_and_once():
+def test_executed_command_is_printed_once_with_its_operator():
     fact, told = ("command_given", {"command": "pause", "by": "Ann"}), [changed(kinds=[])]
     ordered = {"said": "the operator: pause", "by": "Ada"}
-    assert change("changed", ordered, more=[*told, fact]) == "     0:02  Ada: pause"
+    assert change_line("changed", ordered, more=[*told, fact]) == "     0:02  Ada: pause"
     order = {"verb": "pause", "label": "Pause", "by": "Ada", "is_told": True}
-    assert change("ordered", order, more=[*told, fact, ("changed", ordered)]) == ""
+    assert change_line("ordered", order, more=[*told, fact, ("changed", ordered)]) == ""
 
 
 @pytest.mark.parametrize(
     ("by", "said"), [("Ada (page, 127.0.0.1)", "Ada (page, 127.0.0.1)"), ("", "an operator")]
 )
 @pytest.mark.parametrize("told", [(), [changed(kinds=[])]])
-def test_an_order_is_a_line_with_who_gave_it(by, said, told):
+def test_received_command_is_printed_with_its_operator(by, said, told):
     order = {"verb": "pause", "label": "Pause", "by": by}
-    assert change("ordered", order, more=told) == f"     0:02  {said}: Pause"
+    assert change_line("ordered", order, more=told) == f"     0:02  {said}: Pause"
 
 
 @pytest.mark.parametrize(
@@ -286,12 +288,12 @@ def test_an_order_is_a_line_with_who_gave_it(by, said, told):
         ("goal_sent", {"action": "/a", "goal": "ab"}),
     ],
 )
-def test_what_is_no_change_to_people_is_no_line(kind, data):
-    assert change(kind, data, before="RUNNING") == ""
+def test_unimportant_entries_have_no_line(kind, data):
+    assert change_line(kind, data, before="RUNNING") == ""
 
 
-def lines_of_conditions(*told):
-    """Return the lines that a log has of a mission's condition, entry by entry."""
+def condition_lines(*told):
+    """Return the log lines about a mission's status line, entry by entry."""
     state, said = mission(node("Main", node("Drive"))), []
     for number, (kind, data) in enumerate(told, 9):
         before = condition(state)
@@ -304,8 +306,8 @@ DRIVES = ("progress", {"target": "a", "distance": 5.6, "time_left": 8.0})
 LOST = ("lacks", {"text": "Nav2 is not active"})
 
 
-def test_that_a_mission_waits_and_goes_on_are_lines_and_that_it_goes_on_well_is_none():
-    assert lines_of_conditions(DRIVES, LOST, LOST, ("lacks", {"text": ""}), DRIVES) == [
+def test_start_and_end_of_waiting_are_printed_once():
+    assert condition_lines(DRIVES, LOST, LOST, ("lacks", {"text": ""}), DRIVES) == [
         "",
         "     0:10  WAITING: Nav2 is not active",
         "",
@@ -314,6 +316,6 @@ def test_that_a_mission_waits_and_goes_on_are_lines_and_that_it_goes_on_well_is_
     ]
 
 
-def test_another_reason_for_the_same_is_a_line():
+def test_new_reason_for_waiting_is_printed():
     other = ("lacks", {"text": "no localisation"})
-    assert lines_of_conditions(LOST, other)[1] == "     0:10  WAITING: no localisation"
+    assert condition_lines(LOST, other)[1] == "     0:10  WAITING: no localisation"

@@ -1,4 +1,4 @@
-"""Drawings of trees for pages and other programs: SVG, Mermaid, Graphviz."""
+"""Tests of drawings of trees as SVG, Mermaid and Graphviz."""
 
 import itertools
 import random
@@ -29,7 +29,7 @@ SHIPPED = ("search_and_rescue", "search_and_rescue_resilient", "search_and_rescu
 
 
 def tree(*trees):
-    """Compile trees for display, the first of which is the main one."""
+    """Compile trees for display; the first one is the main tree."""
     bodies = [f'<BehaviorTree ID="{name}">{body}</BehaviorTree>' for name, body in trees]
     text = f'<root BTCPP_format="4" main_tree_to_execute="{trees[0][0]}">{"".join(bodies)}</root>'
     return preview_tree(bind_main(forest_of(text), default_registry()))
@@ -39,27 +39,27 @@ def tree_of(body):
     return preview_tree(bind_main(forest_of(document(body)), default_registry()))
 
 
-def a_leaf(name):
+def leaf_tree(name):
     return tree_of(f'<AlwaysSuccess name="{name}"/>')
 
 
-def grown(count, chance):
-    """Return a tree of so many nodes, grown by chance."""
+def random_tree_xml(count, chance):
+    """Return the XML of a random tree with `count` nodes."""
     if count == 1:
         return f'<AlwaysSuccess name="Leaf{chance.randrange(10**9)}"/>'
     sizes: list[int] = []
     while sum(sizes) < count - 1:
         sizes.append(chance.randint(1, count - 1 - sum(sizes)))
     tag = "Inverter" if len(sizes) == 1 else chance.choice(("Sequence", "Fallback", "ParallelAll"))
-    return f"<{tag}>{''.join(grown(size, chance) for size in sizes)}</{tag}>"
+    return f"<{tag}>{''.join(random_tree_xml(size, chance) for size in sizes)}</{tag}>"
 
 
-def parsed(drawing):
+def parse_svg(drawing):
     return etree.fromstring(drawing.encode())
 
 
-def read_by_graphviz(text):
-    """Return the graph as pydot, which knows Graphviz' grammar, reads it."""
+def parse_dot(text):
+    """Return the graph as parsed by pydot, which implements Graphviz's grammar."""
     graphs = pydot.graph_from_dot_data(text)
     assert graphs
     assert len(graphs) == 1
@@ -67,13 +67,13 @@ def read_by_graphviz(text):
 
 
 def labels(drawing):
-    """Return what is written in each node of an SVG."""
-    groups = parsed(drawing).findall(f"{SVG}g")
+    """Return the texts in each node of an SVG."""
+    groups = parse_svg(drawing).findall(f"{SVG}g")
     return [[text.text for text in group.findall(f"{SVG}text")] for group in groups]
 
 
 def boxes(nodes):
-    """Return for each node the edges of its box: left, right, upper, lower."""
+    """Return the edges of each node's box: left, right, top, bottom."""
     return [
         (each.x + each.shift, each.x + each.shift + each.wide, each.top, each.bottom)
         for each in _place_blocks(nodes)
@@ -126,12 +126,12 @@ def boxes(nodes):
         ('<Sleep name="Pause" msec="5"/>', Shape.ACTION, "Pause", "Sleep msec=5"),
     ],
 )
-def test_a_node_is_drawn_with_the_sign_and_the_attributes_of_what_it_does(body, shape, label, details):
+def test_node_is_drawn_with_symbol_name_and_attributes(body, shape, label, details):
     node = drawn_nodes(tree_of(f"<Sequence><Script code='battery := 1'/>{body}</Sequence>"))[2]
     assert (node.shape, node.label, node.details) == (shape, label, details)
 
 
-def test_what_attributes_put_around_a_node_is_drawn_as_a_decorator():
+def test_decorators_from_attributes_are_drawn():
     around, inside, node = drawn_nodes(
         tree_of('<Sleep name="Pause" msec="5" oneshot="ON_COMPLETION" _failureIf="true"/>')
     )
@@ -144,12 +144,12 @@ def test_what_attributes_put_around_a_node_is_drawn_as_a_decorator():
     assert (node.shape, node.label, node.details) == (Shape.ACTION, "Pause", "Sleep msec=5")
 
 
-def test_a_node_says_where_it_stands_in_its_file():
+def test_node_title_names_file_and_line():
     nodes = drawn_nodes(compile_for_test("trees/search_and_rescue.xml"))
     assert nodes[1].title == "trees/search_and_rescue.xml:13 <Sequence> Patrol"
 
 
-def test_a_folded_subtree_is_one_node_without_a_line_around_it():
+def test_folded_subtree_is_one_node_without_frame():
     drawn = tree(
         ("Main", '<Sequence><SubTree ID="Inner" name="Here"/><AlwaysFailure/></Sequence>'),
         ("Inner", '<Sequence><SubTree ID="Deeper"/></Sequence>'),
@@ -161,32 +161,32 @@ def test_a_folded_subtree_is_one_node_without_a_line_around_it():
         ("Here", 0, (), 2),
         ("AlwaysFailure", 0, (), 3),
     ]
-    assert [each for each in parsed(svg(drawn, folded=True)) if each.get("class") == "frame"] == []
+    assert [each for each in parse_svg(svg(drawn, folded=True)) if each.get("class") == "frame"] == []
     assert "subgraph" not in dot(drawn, folded=True)
     assert "subgraph" not in mermaid(drawn, folded=True)
 
 
-def test_a_subtree_has_a_line_around_all_that_is_in_it():
+def test_subtree_has_frame_around_its_nodes():
     drawn = tree(
         ("Main", '<Sequence><SubTree ID="Inner" name="Here"/><AlwaysFailure/></Sequence>'),
         ("Inner", "<Sequence><AlwaysSuccess/></Sequence>"),
     )
     assert [(each.is_subtree, each.end) for each in drawn_nodes(drawn)][1] == (True, 4)
-    (frame,) = (each for each in parsed(svg(drawn)) if each.get("class") == "frame")
+    (frame,) = (each for each in parse_svg(svg(drawn)) if each.get("class") == "frame")
     left, top, wide, high = (float(frame.attrib[name]) for name in ("x", "y", "width", "height"))
     inside = [
         left < west and east < left + wide and top < north and south < top + high
         for west, east, north, south in boxes(drawn_nodes(drawn))
     ]
     assert inside == [False, True, True, True, False]
-    graph = read_by_graphviz(dot(drawn))
+    graph = parse_dot(dot(drawn))
     (cluster,) = graph.get_subgraphs()
     assert [node.get_name() for node in cluster.get_nodes()] == ["n1", "n2", "n3"]
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_box_covers_another_or_leaves_the_picture(seed):
-    nodes = drawn_nodes(tree_of(grown(150, random.Random(seed))))  # noqa: S311 - the same trees in every run
+def test_boxes_neither_overlap_nor_leave_picture(seed):
+    nodes = drawn_nodes(tree_of(random_tree_xml(150, random.Random(seed))))  # noqa: S311 - the same trees in every run
     block, places = _place_blocks(nodes)[0], boxes(nodes)
     for left, right, top, bottom in places:
         assert block.x <= left < right <= block.x + block.width
@@ -195,13 +195,13 @@ def test_no_box_covers_another_or_leaves_the_picture(seed):
         assert one[1] <= other[0] or other[1] <= one[0] or one[3] <= other[2] or other[3] <= one[2]
 
 
-def test_children_stand_side_by_side_where_there_is_room():
+def test_children_are_side_by_side_if_they_fit():
     _, first, second = boxes(drawn_nodes(tree_of("<Sequence><AlwaysSuccess/><AlwaysFailure/></Sequence>")))
     assert first[2] == second[2]
     assert first[1] < second[0]
 
 
-def test_many_children_stand_below_each_other():
+def test_many_children_are_stacked_vertically():
     nodes = drawn_nodes(tree_of(f"<Sequence>{'<AlwaysSuccess/>' * 30}</Sequence>"))
     first, second = boxes(nodes)[1:3]
     assert first[0] == second[0]
@@ -209,12 +209,12 @@ def test_many_children_stand_below_each_other():
     assert _place_blocks(nodes)[0].width <= _NARROW
 
 
-def test_a_picture_of_a_thousand_nodes_is_not_a_thin_strip():
-    block = _place_blocks(drawn_nodes(tree_of(grown(1000, random.Random(1)))))[0]  # noqa: S311 - the same in every run
+def test_picture_of_thousand_nodes_is_not_a_thin_strip():
+    block = _place_blocks(drawn_nodes(tree_of(random_tree_xml(1000, random.Random(1)))))[0]  # noqa: S311 - the same in every run
     assert block.height < 20 * block.width
 
 
-def test_a_deep_tree_is_drawn():
+def test_deep_tree_is_drawn():
     body = "<Inverter>" * 190 + "<AlwaysSuccess/>" + "</Inverter>" * 190
     drawn = tree_of(body)
     assert len(labels(svg(drawn))) == 191
@@ -222,13 +222,13 @@ def test_a_deep_tree_is_drawn():
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_every_format_has_every_node_of_a_shipped_tree(name):
+def test_every_format_contains_every_node_of_shipped_tree(name):
     drawn = compile_for_test(name)
     nodes = drawn_nodes(drawn)
     assert labels(svg(drawn)) == [[text for text in (each.label, each.details) if text] for each in nodes]
     edges = {(each.parent, number) for number, each in enumerate(nodes) if each.parent >= 0}
     assert {tuple(map(int, found)) for found in re.findall(r"n(\d+) --> n(\d+)", mermaid(drawn))} == edges
-    graph = read_by_graphviz(dot(drawn))
+    graph = parse_dot(dot(drawn))
     assert {(str(each.get_source()), str(each.get_destination())) for each in graph.get_edges()} == {
         (f"n{parent}", f"n{child}") for parent, child in edges
     }
@@ -238,22 +238,22 @@ ODD = ("<script>alert(1)</script>", """a "b" 'c'""", "&amp; #35; ]]>", "`a` *b* 
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_a_name_in_a_picture_is_text_whatever_is_in_it(name):
-    drawing = svg(a_leaf(escape(name, {'"': "&quot;"})))
+def test_special_characters_in_name_are_text_in_svg(name):
+    drawing = svg(leaf_tree(escape(name, {'"': "&quot;"})))
     assert labels(drawing)[0][0] == name
-    tags = [each.tag.removeprefix(SVG) for each in parsed(drawing).iter()]
+    tags = [each.tag.removeprefix(SVG) for each in parse_svg(drawing).iter()]
     assert tags == ["svg", "title", "style", "rect", "path", "g", "title", "path", "text", "text"]
 
 
-def test_a_name_for_graphviz_is_text_whatever_is_in_it():
-    text = dot(a_leaf("a &quot;b&quot; \\n &amp;lt;c"))
+def test_special_characters_in_name_are_text_in_dot():
+    text = dot(leaf_tree("a &quot;b&quot; \\n &amp;lt;c"))
     assert 'label="a \\"b\\" \\\\n &amp;lt;c\\nAlwaysSuccess"' in text
-    assert read_by_graphviz(text).get_node("n0")
+    assert parse_dot(text).get_node("n0")
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_a_name_for_mermaid_has_no_sign_that_means_something_there(name):
-    drawn = mermaid(a_leaf(escape(name, {'"': "&quot;"})))
+def test_special_characters_in_name_are_escaped_in_mermaid(name):
+    drawn = mermaid(leaf_tree(escape(name, {'"': "&quot;"})))
     found = re.fullmatch(r'flowchart TD\n  n0\["(.*)<br>AlwaysSuccess"\]:::action\n  classDef .*\n', drawn)
     assert found
     assert re.fullmatch(r"(\w|[ /]|#\d+;)+", found[1])
@@ -264,29 +264,29 @@ def test_a_name_for_mermaid_has_no_sign_that_means_something_there(name):
     ("name", "written"),
     [("1. a", "1#46; a"), ("num_a=3", "num_a=3"), ("a\\nb", "a#92;#8203;nb"), ("fa:fa", "fa#58;#8203;fa")],
 )
-def test_lists_line_breaks_and_icons_are_none_for_mermaid(name, written):
-    assert f'["{written}<br>' in mermaid(a_leaf(name))
+def test_list_line_break_and_icon_syntax_is_escaped_in_mermaid(name, written):
+    assert f'["{written}<br>' in mermaid(leaf_tree(name))
 
 
-def test_control_characters_and_turned_text_are_shown_as_what_they_are():
-    drawn = a_leaf("a&#x202e;b")
+def test_control_and_bidi_characters_in_name_are_escaped():
+    drawn = leaf_tree("a&#x202e;b")
     drawn.root.name = "a\u202eb\x1b\uffff\nc"
     for view in (svg, mermaid, dot):
         text = view(drawn)
         assert "\u202e" not in text
         assert "\x1b" not in text
-    parsed(svg(drawn))
+    parse_svg(svg(drawn))
 
 
 @pytest.mark.parametrize("sign", ["\u202e", "\x9b", "\n"])
-def test_so_are_those_of_a_trees_id(sign):
+def test_control_and_bidi_characters_in_tree_id_are_escaped(sign):
     drawn = tree((f"a&#{ord(sign)};b", "<AlwaysSuccess/>"))
     assert drawn.instance.tree.name == f"a{sign}b"
     for view in (svg, mermaid, dot):
         assert f"a{sign}b" not in view(drawn)
 
 
-def test_a_long_text_is_cut_in_a_box_and_whole_in_its_title():
+def test_long_text_is_cut_in_box_and_complete_in_title():
     value = "x" * 100
     node = drawn_nodes(tree_of(f'<Script code="{value} := 1"/>'))[0]
     assert node.details.endswith("…")
@@ -294,21 +294,23 @@ def test_a_long_text_is_cut_in_a_box_and_whole_in_its_title():
     assert value in node.title
 
 
-def test_a_box_is_as_wide_as_its_text_wherever_that_is_from():
+def test_box_width_follows_display_width_of_text():
     widths = [
         right - left
-        for left, right, *_ in (boxes(drawn_nodes(a_leaf(name * 12)))[0] for name in ("語", "ab", "a\u0301b"))
+        for left, right, *_ in (
+            boxes(drawn_nodes(leaf_tree(name * 12)))[0] for name in ("語", "ab", "a\u0301b")
+        )
     ]
     assert widths[0] == widths[1] == widths[2]
 
 
-def test_a_flowchart_that_github_does_not_draw_is_known():
+def test_flowchart_too_large_for_github_is_detected():
     assert not too_large(mermaid(compile_for_test("search_and_rescue_guarded")))
     assert not too_large(mermaid(tree_of(f"<Sequence>{'<AlwaysSuccess/>' * 499}</Sequence>")))
     assert too_large(mermaid(tree_of(f"<Sequence>{'<AlwaysSuccess/>' * 500}</Sequence>")))
 
 
-def test_a_small_tree_for_mermaid():
+def test_small_tree_as_mermaid():
     assert (
         mermaid(tree_of('<Sequence name="All"><AlwaysSuccess/><Sleep msec="5"/></Sequence>'))
         == """\
@@ -324,7 +326,7 @@ flowchart TD
     )
 
 
-def test_a_small_tree_for_graphviz():
+def test_small_tree_as_dot():
     assert (
         dot(tree_of('<Sequence name="All"><Sleep msec="5"/></Sequence>'))
         == """\

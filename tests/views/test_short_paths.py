@@ -1,4 +1,4 @@
-"""Paths as a report tells them: from a folder above them, or from `~`."""
+"""Tests of shortened paths in reports: relative to a folder above them, or to `~`."""
 
 from pathlib import Path
 
@@ -9,8 +9,8 @@ from sar_compiler.reports.mission_report import PathShortener
 
 
 @pytest.fixture
-def short(monkeypatch):
-    """Return how a text is told of a journal in /home/ada/state; the current folder is /work/site."""
+def shorten(monkeypatch):
+    """Return a function that shortens a text for a journal in /home/ada/state, with the current folder /work/site."""
     monkeypatch.setenv("HOME", "/home/ada")
     monkeypatch.setattr(Path, "cwd", lambda: Path("/work/site"))
     paths = PathShortener(Path("/home/ada/state"))
@@ -37,20 +37,20 @@ def short(monkeypatch):
         ("file:///work/site/m.yaml", "file:///work/site/m.yaml"),
     ],
 )
-def test_a_path_is_told_from_the_nearest_folder_above_it(short, text, told):
-    assert short(text) == told
+def test_path_is_shortened_to_nearest_known_folder(shorten, text, told):
+    assert shorten(text) == told
 
 
-def test_paths_in_lists_and_in_values_of_values_are_told_so_too(short):
-    assert short({"maps": ["/home/ada/a.pgm", 3, None]}) == {"maps": ["~/a.pgm", 3, None]}
+def test_paths_in_nested_values_are_shortened(shorten):
+    assert shorten({"maps": ["/home/ada/a.pgm", 3, None]}) == {"maps": ["~/a.pgm", 3, None]}
 
 
-def test_a_line_of_the_log_has_short_paths_and_what_has_none_is_not_looked_at(short):
-    assert short("/home/ada/x", kind="log") == "~/x"
-    assert short("/home/ada/x", kind="map") == "/home/ada/x"
+def test_log_lines_are_shortened_and_map_entries_are_not(shorten):
+    assert shorten("/home/ada/x", kind="log") == "~/x"
+    assert shorten("/home/ada/x", kind="map") == "/home/ada/x"
 
 
-def test_without_a_home_nothing_is_told_from_there(monkeypatch):
+def test_paths_are_unchanged_without_home_folder(monkeypatch):
     monkeypatch.setattr("os.path.expanduser", lambda path: path)
     data = {"text": "/home/ada/x, ~/y"}
     entry = JournalEntry(1, 1, 0.0, 0.0, "note", data)
@@ -66,7 +66,7 @@ def test_without_a_home_nothing_is_told_from_there(monkeypatch):
         (["m.xml", ""], ["m.xml", ""]),
     ],
 )
-def test_files_of_the_tree_are_told_from_the_folder_that_they_share(files, told):
+def test_tree_files_are_shortened_to_their_common_folder(files, told):
     first, other = ({"name": "n", "children": [], "file": file, "line": 1} for file in files)
     began = {"tree": {**first, "children": [other]}, "run": {"parameters": {"map": files[0]}}}
     (entry,) = PathShortener(Path("/var/journals")).shorten_stream(

@@ -1,4 +1,4 @@
-"""Every file that can be parsed is drawn, whatever is wrong with it, in each format of `show`."""
+"""Tests that `show` draws every file that can be parsed in each format, even if it has errors."""
 
 import json
 import re
@@ -32,8 +32,8 @@ FILES = [
 ]
 
 
-def texts():
-    """Yield the texts of tree files that the tests and the pages of findings have, with an ending."""
+def sample_texts():
+    """Yield the texts of tree files in the tests and in the pages of findings, with a file name ending."""
     for text, ending in WRITTEN.values():
         yield text if isinstance(text, str) else text.decode("utf-8", "replace"), ending
     for code in CODES:
@@ -42,17 +42,17 @@ def texts():
                 yield block.text, f".{block.language}"
 
 
-def names_in(outline):
+def node_names(outline):
     yield outline["name"]
     for child in outline["children"]:
-        yield from names_in(child)
+        yield from node_names(child)
 
 
 def drawings_of(tree):
-    """Draw a tree in each format, and see that each is one of its language, and that all have the same nodes."""
+    """Draw a tree in each format; check that each drawing is valid and that all have the same number of nodes."""
     sketch = tree.sketch()
     drawn = {form: _drawing(sketch, form, folded=False) for form in FORMS}
-    count = len(list(names_in(json.loads(drawn["json"]))))
+    count = len(list(node_names(json.loads(drawn["json"]))))
     assert len(drawn["unicode"].splitlines()) == len(drawn["ascii"].splitlines()) == count
     assert len([*etree.fromstring(drawn["svg"].encode()).iter(f"{SVG}g")]) == count
     assert len(re.findall(r":::\w+$", drawn["mermaid"], re.MULTILINE)) == count
@@ -61,13 +61,13 @@ def drawings_of(tree):
 
 
 @pytest.mark.parametrize("path", FILES, ids=str)
-def test_each_file_of_the_project_is_drawn_in_each_format(path):
+def test_project_file_is_drawn_in_each_format(path):
     drawings_of(load(path))
 
 
-def test_each_text_of_the_tests_and_the_pages_that_can_be_parsed_is_drawn_in_each_format(tmp_path):
+def test_parsable_texts_of_tests_and_pages_are_drawn_in_each_format(tmp_path):
     drawn = sketched = 0
-    for text, ending in texts():
+    for text, ending in sample_texts():
         path = tmp_path / f"tree{ending}"
         path.write_text(text, encoding="utf-8", newline="")
         tree = load(path, isolated=True)
@@ -82,7 +82,7 @@ def test_each_text_of_the_tests_and_the_pages_that_can_be_parsed_is_drawn_in_eac
 
 @settings(max_examples=rounds(50))
 @given(wrong_tree_texts())
-def test_a_tree_that_is_wrong_by_chance_is_drawn_in_each_format(text):
+def test_random_invalid_tree_is_drawn_in_each_format(text):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "tree.xml"
         path.write_text(text, encoding="utf-8")
@@ -90,7 +90,7 @@ def test_a_tree_that_is_wrong_by_chance_is_drawn_in_each_format(text):
 
 
 @pytest.mark.parametrize("path", [each for each in FILES if each.parent.name == "trees"], ids=str)
-def test_a_file_without_errors_is_drawn_alike_whether_it_is_compiled_or_not(path):
+def test_valid_file_is_drawn_identically_compiled_and_uncompiled(path):
     tree = load(path)
     compiled, trees = tree.sketch(), tree.context.bound_forest.trees
     sketch = sketch_tree(next(each for each in trees if each.name == compiled.name), trees)
@@ -99,7 +99,7 @@ def test_a_file_without_errors_is_drawn_alike_whether_it_is_compiled_or_not(path
         assert _drawing(sketch, form, folded=False) == _drawing(compiled, form, folded=False)
 
 
-WRONG = """\
+INVALID_TREE = """\
 <Sequence name="top">
   <Fly name="up" to="{x}"><AlwaysSuccess/><Control ID="Hover"/></Fly>
   <Inverter><AlwaysSuccess/><AlwaysFailure/></Inverter>
@@ -109,7 +109,7 @@ WRONG = """\
   <NavigateToBse/>
 </Sequence>
 """
-DRAWN = """\
+INVALID_TREE_DRAWN = """\
 {-} top
     --> up  <Fly> ?
         --> AlwaysSuccess
@@ -128,21 +128,21 @@ DRAWN = """\
 
 
 @pytest.fixture
-def wrong(tmp_path):
+def invalid_file(tmp_path):
     path = tmp_path / "wrong.xml"
-    path.write_text(document(WRONG), encoding="utf-8")
+    path.write_text(document(INVALID_TREE), encoding="utf-8")
     return path
 
 
-def test_unknown_nodes_have_a_question_mark_and_missing_subtrees_are_folded(wrong, capsys):
-    status, out, err = run(capsys, "show", wrong)
-    assert (status, out) == (1, DRAWN)
+def test_unknown_nodes_have_a_question_mark_and_missing_subtrees_are_folded(invalid_file, capsys):
+    status, out, err = run(capsys, "show", invalid_file)
+    assert (status, out) == (1, INVALID_TREE_DRAWN)
     assert err.count("error[unknown-node]") == 3
     assert all(f"error[{code}]" in err for code in ("unknown-tree", "recursive-tree", "too-many-children"))
 
 
-def test_a_box_with_a_question_mark_is_dashed_in_a_picture(wrong, capsys):
-    status, out, _ = run(capsys, "show", "--format", "svg", wrong)
+def test_box_of_unknown_node_is_dashed_in_svg(invalid_file, capsys):
+    status, out, _ = run(capsys, "show", "--format", "svg", invalid_file)
     assert status == 1
     picture, inside = etree.fromstring(out.encode()), {"s": SVG.strip("{}")}
     unknown = "//s:g[contains(@class, 'unknown')][s:path/@stroke-dasharray]/s:text[1]/text()"
@@ -150,22 +150,22 @@ def test_a_box_with_a_question_mark_is_dashed_in_a_picture(wrong, capsys):
     assert len(picture.xpath("//s:path[@stroke-dasharray]", namespaces=inside)) == 3
 
 
-def test_graphviz_reads_a_drawing_with_unknown_nodes(wrong, capsys):
-    _, out, _ = run(capsys, "show", "--format", "dot", wrong)
+def test_graphviz_reads_drawing_with_unknown_nodes(invalid_file, capsys):
+    _, out, _ = run(capsys, "show", "--format", "dot", invalid_file)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         graphs = pydot.graph_from_dot_data(out) or []
-    assert len(graphs[0].get_edges()) == len(DRAWN.splitlines()) - 1
+    assert len(graphs[0].get_edges()) == len(INVALID_TREE_DRAWN.splitlines()) - 1
 
 
-def test_an_unknown_node_has_no_class_and_its_attributes_as_they_are_written(wrong, capsys):
-    _, out, _ = run(capsys, "show", "--format", "json", wrong)
+def test_unknown_node_has_null_class_and_its_attributes_as_written(invalid_file, capsys):
+    _, out, _ = run(capsys, "show", "--format", "json", invalid_file)
     fly, *_, near = json.loads(out)["children"]
     assert (fly["class"], fly["name"], fly["attributes"], fly["line"]) == (None, "up", {"to": "{x}"}, 4)
     assert near["class"] is None
 
 
-def test_of_several_trees_the_first_that_no_other_uses_is_drawn_and_the_others_are_named(tmp_path, capsys):
+def test_first_unused_tree_is_drawn_and_the_others_are_named(tmp_path, capsys):
     path = tmp_path / "two.xml"
     bodies = (("Part", "AlwaysSuccess"), ("One", 'SubTree ID="Part"'), ("Two", "AlwaysFailure"))
     trees = "".join(f'<BehaviorTree ID="{name}"><{tag}/></BehaviorTree>' for name, tag in bodies)
@@ -176,21 +176,21 @@ def test_of_several_trees_the_first_that_no_other_uses_is_drawn_and_the_others_a
     assert run(capsys, "show", "--tree", "Two", path) == (0, "--> AlwaysFailure\n", "")
 
 
-def test_a_tree_with_nothing_in_it_is_one_box(tmp_path):
+def test_empty_tree_is_one_box(tmp_path):
     path = tmp_path / "empty.xml"
     path.write_text('<root BTCPP_format="4"><BehaviorTree ID="Main"/></root>', encoding="utf-8")
     assert drawings_of(load(path))["unicode"] == "--> BehaviorTree  ?\n"
 
 
 @pytest.mark.parametrize("text", ["<root>", '<root BTCPP_format="4"/>'])
-def test_where_there_is_no_tree_nothing_is_drawn(tmp_path, text):
+def test_file_without_tree_cannot_be_drawn(tmp_path, text):
     path = tmp_path / "none.xml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(TreeError):
         load(path).sketch()
 
 
-def test_subtrees_that_make_too_many_nodes_are_folded(tmp_path, monkeypatch):
+def test_subtrees_with_too_many_nodes_are_folded(tmp_path, monkeypatch):
     monkeypatch.setattr("sar_compiler.compiler.sketch.MAX_NODES", 50)
     each = "".join(
         f'<BehaviorTree ID="T{number}"><Sequence><SubTree ID="T{number + 1}"/><SubTree ID="T{number + 1}"/></Sequence></BehaviorTree>'
@@ -201,7 +201,7 @@ def test_subtrees_that_make_too_many_nodes_are_folded(tmp_path, monkeypatch):
     assert 40 < len(drawings_of(load(path))["unicode"].splitlines()) < 120
 
 
-def test_a_faulty_file_that_names_a_tree_of_another_file_is_drawn_with_its_own_first_tree(tmp_path):
+def test_file_whose_main_tree_is_in_another_file_is_drawn_with_its_own_first_tree(tmp_path):
     (tmp_path / "main.xml").write_text(document("<AlwaysSuccess/>", main="Main"))
     path = tmp_path / "part.xml"
     path.write_text('<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Part"/></root>')
