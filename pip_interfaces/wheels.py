@@ -1,10 +1,11 @@
-"""Make a wheel of each interface package that colcon has installed: `wheels.py INSTALLED DIST`, after `colcon build`.
+"""Builds a wheel from each interface package that colcon has installed: `wheels.py INSTALLED DIST`, after `colcon build`.
 
-A wheel has what a running program needs: the Python package, the libraries (in `lib` of the environment, where those of the
-ROS wheels are, too), the definitions, and the entries of the ament index. What a build against the package would need, headers and CMake
-files, stays behind: it holds paths of the machine.
+A wheel contains the files that a running program needs: the Python package, the libraries (in `lib` of the environment, like those of the
+ROS wheels), the definitions, and the entries of the ament index. It contains no headers and CMake files, because these contain paths of
+this machine.
 
-The stand-ins' wheels have names of their own: `nav2_msgs` and `tf2_msgs` as distributions are not this project's to name.
+The wheels of other projects' packages, such as `nav2_msgs`, have names of this project, because their names on PyPI belong to
+these projects.
 """
 
 import shutil
@@ -16,7 +17,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 OURS = "sar_"
-LEFT = (".c", ".pyc")
+EXCLUDED = (".c", ".pyc")
 PYTHON = f"cp{sys.version_info.major}{sys.version_info.minor}"
 METADATA = """Metadata-Version: 2.1
 Name: {name}
@@ -24,7 +25,7 @@ Version: {version}
 Summary: {description}
 License: {license}
 """
-# Not `manylinux`: nobody has looked whether the libraries need more of the system than that promises.
+# Not `manylinux`, because it was not checked which system libraries the libraries need.
 WHEEL = f"""Wheel-Version: 1.0
 Generator: sar_compiler
 Root-Is-Purelib: false
@@ -33,20 +34,20 @@ Tag: {PYTHON}-{PYTHON}-linux_x86_64
 
 
 def main(installed: Path, dist: Path) -> None:
-    """Write the wheels of all packages that are below *installed*, in a folder each, into *dist*."""
+    """Write a wheel to *dist* for each package below *installed*."""
     dist.mkdir(parents=True, exist_ok=True)
     for manifest in sorted(installed.glob("*/share/*/package.xml")):
         with tempfile.TemporaryDirectory() as folder:
             fill(Path(folder), manifest)
             command = [sys.executable, "-m", "wheel", "pack", folder, "--dest-dir", str(dist)]
-            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)  # noqa: S603 - our own words
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)  # noqa: S603 - fixed arguments
 
 
 def fill(folder: Path, manifest: Path) -> None:
-    """Lay out in a folder what the wheel of a package has in it."""
-    package, share = ET.parse(manifest).getroot(), manifest.parent  # noqa: S314 - it is ours
-    said = {entry.tag: " ".join((entry.text or "").split()) for entry in package}
-    module, version, prefix = said["name"], said["version"], share.parents[1]
+    """Copy the content of a package's wheel to a folder."""
+    package, share = ET.parse(manifest).getroot(), manifest.parent  # noqa: S314 - a file of this project
+    values = {entry.tag: " ".join((entry.text or "").split()) for entry in package}
+    module, version, prefix = values["name"], values["version"], share.parents[1]
     name = distribution(module)
     data = folder / f"{name}-{version}.data" / "data"
     for path in needed(prefix, module):
@@ -59,24 +60,24 @@ def fill(folder: Path, manifest: Path) -> None:
     info.mkdir()
     info.joinpath("WHEEL").write_text(WHEEL, encoding="utf-8")
     requirements = "".join(f"Requires-Dist: {each}\n" for each in required(package))
-    metadata = METADATA.format(**{**said, "name": name}) + requirements
+    metadata = METADATA.format(**{**values, "name": name}) + requirements
     info.joinpath("METADATA").write_text(metadata, encoding="utf-8")
 
 
 def distribution(package: str) -> str:
-    """Return what the wheel of an interface package is called."""
+    """Return the name of an interface package's wheel."""
     return package if package.startswith(OURS) else f"{OURS}compiler_{package}"
 
 
 def required(package: ET.Element) -> Iterator[str]:
-    """Yield the names, on PyPI, of the packages that a package needs where it runs."""
+    """Yield the PyPI names of the packages that a package needs at run time."""
     for tag in ("depend", "exec_depend"):
         for entry in package.iter(tag):
             yield f"ros-jazzy-{(entry.text or '').replace('_', '-')}"
 
 
 def needed(prefix: Path, module: str) -> Iterator[Path]:
-    """Yield the files below an installed package's folder that a running program needs."""
+    """Yield the files of an installed package that a running program needs."""
     patterns = (
         "lib/*.so",
         f"lib/python3*/site-packages/{module}/**/*",
@@ -87,7 +88,7 @@ def needed(prefix: Path, module: str) -> Iterator[Path]:
         f"share/{module}/*/*.action",
     )
     for path in sorted({path for pattern in patterns for path in prefix.glob(pattern)}):
-        if path.is_file() and path.suffix not in LEFT and path.parent.name != "parent_prefix_path":
+        if path.is_file() and path.suffix not in EXCLUDED and path.parent.name != "parent_prefix_path":
             yield path
 
 

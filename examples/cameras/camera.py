@@ -1,7 +1,7 @@
-"""A simulated camera: a node that publishes a description of each picture as a text on `image_raw`.
+"""A simulated camera: a node that publishes a description of each picture as a string on `image_raw`.
 
-Its names are relative and its values are parameters, so that it can be put into a namespace, renamed, remapped and
-configured from outside, without a change here.
+All names are relative and all values are parameters. So ROS arguments can move the node to a namespace, rename it,
+remap its topic and configure it.
 """
 
 import sys
@@ -19,7 +19,7 @@ _RATE = ParameterDescriptor(
     description="pictures per second",
     floating_point_range=[FloatingPointRange(from_value=0.1, to_value=100.0)],
 )
-_SCENE = ParameterDescriptor(description="what is to be seen in the pictures")
+_SCENE = ParameterDescriptor(description="the content of the pictures")
 
 
 class CameraError(SarError):
@@ -33,10 +33,10 @@ class Camera(Node):
 
     Args:
         context: The context of the node.
-        cli_args: ROS arguments of its own.
+        cli_args: The ROS arguments of the node.
 
     Raises:
-        RosArgumentError: If its name is not allowed for a node.
+        RosArgumentError: If a ROS argument is invalid.
         CameraError: If a parameter has an invalid value.
     """
 
@@ -59,4 +59,4 @@ class Camera(Node):
 
 
 if __name__ == "__main__":
-    sys.exit(serve(Camera, "camera.py", "Publish pictures, as texts, on image_raw.", sys.argv[1:]))
+    sys.exit(serve(Camera, "camera.py", "Publish pictures as strings on image_raw.", sys.argv[1:]))

@@ -1,4 +1,4 @@
-"""One of the four trees; the launch ends with it."""
+"""Launches one of the four trees, and ends with it."""
 
 import sys
 from pathlib import Path
@@ -22,7 +22,7 @@ def generate_launch_description() -> LaunchDescription:
                 "tree",
                 default_value="retry",
                 choices=TREES,
-                description="which tree to run",
+                description="the tree to run",
             ),
             Node(
                 executable=sys.executable,

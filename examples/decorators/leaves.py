@@ -1,4 +1,4 @@
-"""Leaves about a door and a battery; they need no robot, because they only count their ticks."""
+"""Leaves for a door and a battery. They only count their ticks, so they need no robot."""
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -8,11 +8,11 @@ from sar_compiler.leaves import Kind, register
 
 @register("DoorIsClosed", kind=Kind.CONDITION, outcomes={Status.SUCCESS, Status.FAILURE})
 class DoorIsClosed(Behaviour):
-    """Is the door closed? It is opened after a number of checks.
+    """Check whether the door is closed. After a number of checks it is open.
 
     Args:
         name: The node's name.
-        looks: The number of checks that find it closed.
+        looks: The number of checks for which the door is closed.
     """
 
     def __init__(self, name: str, looks: int = 2) -> None:
@@ -22,7 +22,7 @@ class DoorIsClosed(Behaviour):
     def update(self) -> Status:
         """Check once more."""
         if self._looks == 0:
-            self.feedback_message = "somebody has opened it"
+            self.feedback_message = "open"
             return Status.FAILURE
         self._looks -= 1
         self.feedback_message = "closed"
@@ -31,7 +31,7 @@ class DoorIsClosed(Behaviour):
 
 @register("OpenDoor", kind=Kind.ACTION, outcomes={Status.SUCCESS, Status.FAILURE}, effects="opens the door")
 class OpenDoor(Behaviour):
-    """Push the door open; the first pushes fail.
+    """Push the door open. The first pushes fail.
 
     Args:
         name: The node's name.
@@ -54,13 +54,13 @@ class OpenDoor(Behaviour):
 
 @register("BatteryOk", kind=Kind.CONDITION, outcomes={Status.SUCCESS, Status.FAILURE})
 class BatteryOk(Behaviour):
-    """Is the battery charged enough? Each check drains it.
+    """Check whether the charge of the battery suffices. Each check reduces the charge.
 
     Args:
         name: The node's name.
         percent: The charge at the first check, percent.
         drain: The charge used between two checks, percent.
-        enough: The charge that is enough, percent.
+        enough: The required charge, percent.
     """
 
     def __init__(self, name: str, percent: float = 50.0, drain: float = 10.0, enough: float = 30.0) -> None:
@@ -70,7 +70,7 @@ class BatteryOk(Behaviour):
         self._enough = enough
 
     def update(self) -> Status:
-        """Check the battery, and drain it."""
+        """Check the charge, and reduce it."""
         percent = self._percent
         self._percent = max(0.0, percent - self._drain)
         self.feedback_message = f"{percent:.0f} %"

@@ -1,4 +1,4 @@
-"""Drive to a goal, with every value of params.yaml as an argument; the launch ends at the goal."""
+"""Launches the drive to a goal. Each value of params.yaml is an argument. The launch ends at the goal."""
 
 import sys
 from pathlib import Path
@@ -15,15 +15,15 @@ HERE = Path(__file__).resolve().parent
 DEFAULTS = yaml.safe_load((HERE / "params.yaml").read_text(encoding="utf-8"))["/**"]["ros__parameters"]
 
 VALUES = {
-    "goal_x": "the goal, metres, in the frame of the odometry",
-    "goal_y": "the goal, metres, in the frame of the odometry",
-    "tolerance": "how near is near enough: metres for the goal, radians for the recovery's heading",
-    "k_rho": "speed per metre of distance, 1/s",
-    "k_alpha": "turning per radian of bearing, 1/s",
-    "timeout_duration": "how long driving may take before the recovery has its turn, seconds",
-    "goal_yaw": "the heading that the recovery turns to, radians",
-    "k_yaw": "turning per radian of the recovery, 1/s",
-    "tick_rate_hz": "how often the tree is ticked, 1/s",
+    "goal_x": "x of the goal in the frame of the odometry, metres",
+    "goal_y": "y of the goal in the frame of the odometry, metres",
+    "tolerance": "tolerance: metres for the goal, radians for the heading of the recovery",
+    "k_rho": "gain of the speed: m/s per metre of distance",
+    "k_alpha": "gain of the rotation: rad/s per radian of bearing",
+    "timeout_duration": "time limit of the drive, after which the recovery starts, seconds",
+    "goal_yaw": "target heading of the recovery, radians",
+    "k_yaw": "gain of the recovery: rad/s per radian",
+    "tick_rate_hz": "tick rate of the tree, hertz",
 }
 
 TREE, LEAVES = str(HERE / "drive_to_goal.xml"), "examples.drive_to_goal.leaves"
@@ -33,9 +33,9 @@ ROOT = str(HERE.parent.parent)
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Drive a robot, or with sim:=true one in the simulated empty world."""
+    """Drive a robot, or a simulated one in the empty world with sim:=true."""
     sim, use_sim_time = LaunchConfiguration("sim"), LaunchConfiguration("use_sim_time")
-    # The type is said, so that goal_x:=5 is not taken for a whole number.
+    # Without the type, goal_x:=5 would be an integer.
     values = {name: ParameterValue(LaunchConfiguration(name), value_type=float) for name in VALUES}
     return LaunchDescription(
         [
@@ -43,11 +43,11 @@ def generate_launch_description() -> LaunchDescription:
                 DeclareLaunchArgument(name, default_value=str(DEFAULTS[name]), description=description)
                 for name, description in VALUES.items()
             ),
-            DeclareLaunchArgument("sim", default_value="false", description="simulate a robot"),
+            DeclareLaunchArgument("sim", default_value="false", description="whether to simulate the robot"),
             DeclareLaunchArgument(
                 "use_sim_time",
                 default_value="false",
-                description="whether a simulator of yours gives the time",
+                description="whether the nodes use the time on /clock",
             ),
             Node(
                 executable=sys.executable,

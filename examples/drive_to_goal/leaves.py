@@ -1,7 +1,7 @@
 """Three leaves that drive a robot by its odometry: a condition, an action and a recovery.
 
-They are examples of your own leaves: ordinary py_trees behaviours, whose constructors' parameters are the
-attributes in a tree file. What they have of ROS they have from `TopicLeaf`.
+Use them as examples for your own leaves. They are py_trees behaviours, and the parameters of their constructors are
+the attributes in a tree file. `TopicLeaf` subscribes to the odometry.
 """
 
 import math
@@ -14,14 +14,14 @@ from sar_compiler.leaves import Kind, TopicLeaf, Use, planar_pose, register
 
 
 class _OdometryLeaf(TopicLeaf):
-    """The base of leaves that know the robot's pose, by its odometry."""
+    """Base class of leaves that use the robot's pose from the odometry."""
 
     topic_type = "nav_msgs/msg/Odometry"
     topic_name = "odometry/filtered"
     max_age_sec = 0.5
 
     def check_message(self, message: Any) -> None:
-        """Count a pose that is none, such as one of NaN, as silence."""
+        """Reject a message with an invalid pose, such as NaN. The leaf then behaves as without a message."""
         planar_pose(message.pose.pose)
 
     def on_message(self, message: Any) -> Status:
@@ -34,17 +34,17 @@ class _OdometryLeaf(TopicLeaf):
 
 
 class _DrivingLeaf(_OdometryLeaf):
-    """The base of leaves that send velocity commands, and a last one to stop the robot when they end."""
+    """Base class of leaves that send velocity commands, and stop the robot when they end."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
         self._commands: Any = None
 
     def setup(self, **kwargs: Any) -> None:
-        """Advertise `cmd_vel` too.
+        """Also create the publisher of `cmd_vel`.
 
         Args:
-            kwargs: `node` is the rclpy node.
+            kwargs: Contains `node`, the rclpy node.
         """
         from geometry_msgs.msg import TwistStamped
 
@@ -52,23 +52,23 @@ class _DrivingLeaf(_OdometryLeaf):
         self._commands = self.node.create_publisher(TwistStamped, "cmd_vel", 10)
 
     def shutdown(self) -> None:
-        """Command nothing any more."""
+        """Remove the publisher."""
         self._commands = None
         super().shutdown()
 
     def on_silence(self) -> Status:
-        """Send a stop while the robot's pose is unknown."""
+        """Stop the robot while its pose is unknown."""
         self.feedback_message = "no odometry"
         self.command(0.0, 0.0)
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:  # noqa: ARG002
-        """Stop the robot, however the leaf has ended."""
+        """Stop the robot after any end of the leaf."""
         if self._commands is not None:
             self.command(0.0, 0.0)
 
     def command(self, linear: float, angular: float) -> None:
-        """Send a command in m/s and rad/s."""
+        """Publish a velocity command in m/s and rad/s."""
         from geometry_msgs.msg import TwistStamped
 
         message = TwistStamped()
@@ -86,12 +86,12 @@ class _DrivingLeaf(_OdometryLeaf):
     uses=[Use.topic("odometry/filtered")],
 )
 class GoalNotReached(_OdometryLeaf):
-    """Is the robot still away from the goal? SUCCESS if so, also while its pose is unknown.
+    """Return SUCCESS while the robot is away from the goal or its pose is unknown.
 
     Args:
         name: The node's name.
-        goal_x: The goal, metres, in the odometry's frame.
-        goal_y: The goal, metres, in the odometry's frame.
+        goal_x: x of the goal in the odometry's frame, metres.
+        goal_y: y of the goal in the odometry's frame, metres.
         tolerance: The tolerated distance, metres.
     """
 
@@ -100,14 +100,14 @@ class GoalNotReached(_OdometryLeaf):
         self._goal = (goal_x, goal_y)
         self._tolerance = tolerance
 
-    def on_pose(self, x: float, y: float, yaw: float) -> Status:  # noqa: ARG002 - the place is enough
+    def on_pose(self, x: float, y: float, yaw: float) -> Status:  # noqa: ARG002 - only the position matters
         """Compare the distance with the tolerance."""
         distance = math.dist(self._goal, (x, y))
         self.feedback_message = f"{distance:.2f} m to go"
         return Status.SUCCESS if distance > self._tolerance else Status.FAILURE
 
     def on_silence(self) -> Status:
-        """Take the goal for not reached while the robot's pose is unknown."""
+        """Return SUCCESS, because the goal may not be reached yet."""
         self.feedback_message = "no odometry"
         return Status.SUCCESS
 
@@ -120,14 +120,14 @@ class GoalNotReached(_OdometryLeaf):
     uses=[Use.topic("odometry/filtered")],
 )
 class DriveForward(_DrivingLeaf):
-    """Steer towards the goal with a proportional controller; always RUNNING.
+    """Drive towards the goal with a proportional controller. Always return RUNNING.
 
     Args:
         name: The node's name.
-        goal_x: The goal, metres, in the odometry's frame.
-        goal_y: The goal, metres, in the odometry's frame.
-        k_rho: Speed per metre of distance, 1/s.
-        k_alpha: Turning per radian of bearing, 1/s.
+        goal_x: x of the goal in the odometry's frame, metres.
+        goal_y: y of the goal in the odometry's frame, metres.
+        k_rho: Gain of the speed: m/s per metre of distance.
+        k_alpha: Gain of the rotation: rad/s per radian of bearing.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class DriveForward(_DrivingLeaf):
     def on_pose(self, x: float, y: float, yaw: float) -> Status:
         """Send the next command."""
         distance = math.dist(self._goal, (x, y))
-        bearing = _wrapped(math.atan2(self._goal[1] - y, self._goal[0] - x) - yaw)
+        bearing = _wrap_angle(math.atan2(self._goal[1] - y, self._goal[0] - x) - yaw)
         self.feedback_message = f"{distance:.2f} m to go"
         self.command(self._k_rho * distance, self._k_alpha * bearing)
         return Status.RUNNING
@@ -155,12 +155,12 @@ class DriveForward(_DrivingLeaf):
     uses=[Use.topic("odometry/filtered")],
 )
 class SpinInPlace(_DrivingLeaf):
-    """Turn to a heading with a proportional controller. Return SUCCESS once the heading is reached.
+    """Turn to a heading with a proportional controller. Return SUCCESS when the heading is reached.
 
     Args:
         name: The node's name.
-        goal_yaw: The heading, radians, in the odometry's frame.
-        k_yaw: Turning per radian, 1/s.
+        goal_yaw: The target heading in the odometry's frame, radians.
+        k_yaw: Gain of the rotation: rad/s per radian.
         tolerance: The tolerated difference, radians.
     """
 
@@ -170,9 +170,9 @@ class SpinInPlace(_DrivingLeaf):
         self._k_yaw = k_yaw
         self._tolerance = tolerance
 
-    def on_pose(self, x: float, y: float, yaw: float) -> Status:  # noqa: ARG002 - a heading is enough
+    def on_pose(self, x: float, y: float, yaw: float) -> Status:  # noqa: ARG002 - only the heading matters
         """Send the next command."""
-        error = _wrapped(self._goal_yaw - yaw)
+        error = _wrap_angle(self._goal_yaw - yaw)
         self.feedback_message = f"{math.degrees(error):.0f} degrees to turn"
         if abs(error) <= self._tolerance:
             return Status.SUCCESS
@@ -180,6 +180,6 @@ class SpinInPlace(_DrivingLeaf):
         return Status.RUNNING
 
 
-def _wrapped(angle: float) -> float:
-    """Return an angle between -pi and pi."""
+def _wrap_angle(angle: float) -> float:
+    """Return the angle in the range from -pi to pi."""
     return math.remainder(angle, math.tau)

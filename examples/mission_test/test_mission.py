@@ -1,11 +1,11 @@
-"""A test of a whole mission in the simulator: the robot drives to each zone, reports what it finds, and returns."""
+"""A test of a complete mission in the simulator: the robot visits each zone, reports the survivors and returns."""
 
 from pathlib import Path
 
 from sar_compiler.execution import RunOptions, run_mission
 
 
-def test_two_survivors_are_reported_in_spite_of_a_rejected_goal_and_a_lost_report(tmp_path: Path) -> None:
+def test_two_survivors_are_reported_despite_a_rejected_goal_and_a_lost_report(tmp_path: Path) -> None:
     options = RunOptions(
         "search_and_rescue_resilient",
         sim="disaster_zone",

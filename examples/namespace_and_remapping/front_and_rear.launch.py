@@ -1,4 +1,4 @@
-"""Two pairs of a camera and a processor: the namespace separates the pairs, a remapping connects each."""
+"""Launches two pairs of a camera and a processor. Namespaces separate the pairs, and remappings connect the nodes of a pair."""
 
 import sys
 from pathlib import Path
@@ -10,7 +10,7 @@ CAMERAS = Path(__file__).resolve().parent.parent / "cameras"
 
 
 def pair(namespace: str) -> list[Node]:
-    """Return a camera and the processor of its pictures, in a namespace."""
+    """Return a camera and its processor in a namespace."""
     return [
         Node(
             executable=sys.executable,
@@ -18,7 +18,7 @@ def pair(namespace: str) -> list[Node]:
             namespace=namespace,
             name="camera",
             parameters=[{"scene": f"what is at the {namespace}"}],
-            # Relative on both sides: the namespace goes before it.
+            # Both names are relative, so ROS adds the namespace to them.
             remappings=[("image_raw", "camera/image")],
             output="screen",
             emulate_tty=True,

@@ -1,4 +1,4 @@
-"""The same camera twice, each in a namespace of its own."""
+"""Launches the same camera twice, each in a separate namespace."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The same camera twice, each under a name of its own."""
+"""Launches the same camera twice, with different node names."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A camera with a parameter file, and with arguments of the launch that override it."""
+"""Launches a camera with a parameter file. Launch arguments override values of the file."""
 
 import sys
 from pathlib import Path
@@ -26,13 +26,13 @@ def generate_launch_description() -> LaunchDescription:
             Node(
                 executable=sys.executable,
                 arguments=[str(CAMERA)],
-                # With both, the dictionary below is written for this very node. Without, it would be written
-                # for all (/**), and a section of the file with the node's name would win over it.
+                # With name and namespace, the dictionary below applies to this node only. Otherwise it would apply to all nodes (/**),
+                # and a section of the file for this node would take precedence.
                 namespace="front",
                 name="camera_node",
                 parameters=[
                     LaunchConfiguration("params_file"),
-                    # The type is said, so that rate_hz:=5 is not taken for a whole number.
+                    # Without the type, rate_hz:=5 would be an integer.
                     {"rate_hz": ParameterValue(LaunchConfiguration("rate_hz"), value_type=float)},
                 ],
                 output="screen",

@@ -1,4 +1,4 @@
-"""A camera and a processor that use different names for the same pictures, remapped to a third."""
+"""Launches a camera and a processor, and remaps their different topic names to a third name."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Two missions in one simulated world, each in its robot's namespace; ends when both missions have ended."""
+"""Launches two missions in one simulated world, each in the namespace of its robot. Ends after both missions have ended."""
 
 from pathlib import Path
 
@@ -13,10 +13,10 @@ from launch_ros.actions import Node
 HERE = Path(__file__).resolve().parent
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 ROBOTS = {"robot1": "0,0.7,1.57", "robot2": "0,-0.7,-1.57"}
-"""Where each robot starts: x, y (m), yaw (rad), frame `map`; the same as `initial_pose` in its file."""
+"""The initial pose of each robot: x, y (m) and yaw (rad) in the frame `map`, the same as `initial_pose` in its file."""
 
-# Launch passes on line by line what processes say, so nothing can be overwritten.
-PASSED_ON = {"TERM": "dumb"}
+# launch forwards the output line by line, so the processes must not redraw lines.
+ENVIRONMENT = {"TERM": "dumb"}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -25,20 +25,20 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                "speed", default_value="5", description="simulated seconds per second, at most"
+                "speed", default_value="5", description="maximum number of simulated seconds per second"
             ),
-            # A simulation is of no interest to other machines.
+            # Other machines do not need the simulation.
             SetEnvironmentVariable(RANGE, EnvironmentVariable(RANGE, default_value="LOCALHOST")),
             simulator(),
             *(server(robot, kind) for robot in ROBOTS for kind in ("detect", "report")),
             *missions.values(),
-            *ends_after(list(missions.values())),
+            *shutdown_after(list(missions.values())),
         ]
     )
 
 
 def simulator() -> Node:
-    """Return the simulator of one world with both robots, which puts each into its namespace."""
+    """Return the simulator of a world with both robots, each in its namespace."""
     placed = [part for robot, start in ROBOTS.items() for part in ("--robot", f"{robot}:{start}")]
     return Node(
         package="sar_compiler",
@@ -46,13 +46,13 @@ def simulator() -> Node:
         arguments=["run", "--speed", LaunchConfiguration("speed"), *placed],
         output="screen",
         emulate_tty=True,
-        additional_env=PASSED_ON,
+        additional_env=ENVIRONMENT,
         on_exit=Shutdown(reason="the simulator has ended"),
     )
 
 
 def server(robot: str, kind: str) -> Node:
-    """Return one of a robot's servers: `detect` or `report`."""
+    """Return a server of a robot. *kind* is `detect` or `report`."""
     return Node(
         package="sar_compiler",
         executable=f"sar-{kind}-survivor-server",
@@ -65,7 +65,7 @@ def server(robot: str, kind: str) -> Node:
 
 
 def mission(robot: str) -> Node:
-    """Return a robot's mission, with the parameters of its own file."""
+    """Return the mission of a robot, with its parameter file."""
     return Node(
         package="sar_compiler",
         executable="sar-run",
@@ -75,16 +75,16 @@ def mission(robot: str) -> Node:
         remappings=[("/tf", "tf"), ("/tf_static", "tf_static")],
         output="screen",
         emulate_tty=True,
-        additional_env=PASSED_ON,
+        additional_env=ENVIRONMENT,
     )
 
 
-def ends_after(missions: list[Node]) -> list[RegisterEventHandler]:
-    """Return the actions that shut everything down once the last of *missions* has ended."""
-    left = set(missions)
+def shutdown_after(missions: list[Node]) -> list[RegisterEventHandler]:
+    """Return the actions that stop all processes after the last of *missions* has ended."""
+    running = set(missions)
 
-    def ended(event: ProcessExited, _: LaunchContext) -> Action | None:
-        left.discard(event.action)
-        return None if left else Shutdown(reason="both missions have ended")
+    def on_exit(event: ProcessExited, _: LaunchContext) -> Action | None:
+        running.discard(event.action)
+        return None if running else Shutdown(reason="both missions have ended")
 
-    return [RegisterEventHandler(OnProcessExit(target_action=each, on_exit=ended)) for each in missions]
+    return [RegisterEventHandler(OnProcessExit(target_action=each, on_exit=on_exit)) for each in missions]

@@ -41,7 +41,7 @@ def test_what_draws_in_place_is_told_that_its_lines_are_passed_on(file: LaunchFi
     for call in file.calls("Node"):
         ours = pattern(keyword(call, "package")) == "sar_compiler"
         if ours and any(matches(keyword(call, "executable"), each) for each in ("sar-run", "sar-sim")):
-            assert ast.unparse(keyword(call, "additional_env")) == "PASSED_ON", f"line {call.lineno}"
+            assert ast.unparse(keyword(call, "additional_env")) == "ENVIRONMENT", f"line {call.lineno}"
 
 
 def test_every_argument_that_is_looked_at_is_declared(file: LaunchFile):

@@ -41,7 +41,7 @@ WITH_TRANSFORMS = ["sar-run", "sar-sim", "rviz2"]
 def test_the_arguments_are_those_that_users_rely_on():
     assert FILE.declared() == {
         "tree", "params_file", "nav2_params_file", "map", "tick_rate_hz", "until", "journal", "publish", "namespace", "sim", "world",
-        "speed", "use_sim_time", "autostart", "rviz", "record",
+        "speed", "use_sim_time", "autostart", "rviz", "record", "options",
     }  # fmt: skip
 
 
@@ -197,23 +197,25 @@ def test_a_mission_that_is_resumed_finds_its_simulated_robot_localised_where_it_
     loaded, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(loaded, "state_folder", lambda: tmp_path / "sar_compiler")
-    option, places = loaded.keeping("robot1", resumed=False)
+    option, places = loaded.pose_options("robot1", is_resumed=False)
     assert option == "--keep"
     Path(places).write_text("{}")
-    assert loaded.keeping("robot1", resumed=True) == ["--keep", places, "--localised"]
-    assert loaded.keeping("robot1", resumed=False) == ["--keep", places]
+    assert loaded.pose_options("robot1", is_resumed=True) == ["--keep", places, "--localised"]
+    assert loaded.pose_options("robot1", is_resumed=False) == ["--keep", places]
     assert not Path(places).exists(), "any other mission begins at the world's start"
 
 
 def test_a_recording_is_refused_where_something_is_already(require_recorder, tmp_path):
     with pytest.raises(
-        FileExistsError, match=f"record:={tmp_path}: it is there already, .* nothing has been started"
+        FileExistsError, match=f"record:={tmp_path}: the folder exists, .* no process was started"
     ):
         require_recorder(tmp_path)
 
 
 def test_a_recording_is_refused_where_its_folder_cannot_be_made(require_recorder, tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"there is no folder .*missing; nothing has been started"):
+    with pytest.raises(
+        FileNotFoundError, match=r"the folder .*missing does not exist; no process was started"
+    ):
         require_recorder(tmp_path / "missing" / "bag")
 
 
@@ -238,3 +240,12 @@ def test_a_recording_in_a_new_folder_is_not_refused(require_recorder, tmp_path, 
 def test_it_is_looked_for_before_anything_is_started():
     (require,) = [each for each in FILE.tree.body if getattr(each, "name", "") == "require"]
     assert "require_recorder" in ast.unparse(require)
+
+
+def test_further_options_are_passed_to_the_mission(loaded, monkeypatch):
+    values = {"options": "--nodes 'my leaves'", "journal": "new", "tick_rate_hz": ""}
+    monkeypatch.setattr(
+        loaded, "LaunchConfiguration", lambda name: MagicMock(perform=lambda _: values.get(name, ""))
+    )
+    loaded.mission(MagicMock())
+    assert loaded.Node.call_args.kwargs["arguments"][3:] == ["--new", "--nodes", "my leaves", "--publish"]

@@ -114,7 +114,7 @@ def test_a_checkout_with_changes_is_not_released(checkout):
 def test_each_python_that_is_missing_is_named_before_anything_is_made(checkout):
     said = refused("3.98", "3.99")
     for missing in ("python3.98", "python3.99"):
-        assert f"make: {missing} does not run; install it (Debian, Ubuntu: apt install {missing})" in said
+        assert f"make: {missing} does not start; install it (Debian, Ubuntu: apt install {missing})" in said
     assert "make release RELEASED='" in said
 
 
@@ -140,7 +140,7 @@ def test_what_was_mended_after_a_release_had_failed_belongs_into_its_section(che
         text.replace("## [Unreleased]\n", "## [Unreleased]\n\n### Fixed\n\n- c\n")
     )
     git("commit", "--quiet", "--all", "--message", "Mend")
-    with pytest.raises(NotReadyError, match=f"has a section of {re.escape(VERSION)}: move there"):
+    with pytest.raises(NotReadyError, match=f"has a section for {re.escape(VERSION)}. Move the entries"):
         RELEASE["prepare"]()
 
 
@@ -161,7 +161,7 @@ def test_the_tag_comes_when_all_files_are_there_and_then_the_version_is_released
     assert git("tag") == ""
     RELEASE["tag"](folder, ["3.12"])
     assert git("tag", "--points-at", "HEAD") == f"v{VERSION}\n"
-    with pytest.raises(NotReadyError, match=re.escape(f"v{VERSION} is released")):
+    with pytest.raises(NotReadyError, match=re.escape(f"v{VERSION} was released already")):
         RELEASE["prepare"]()
 
 

@@ -1,1 +1,1 @@
-"""A patrol that takes a photo at each of its points: a mission for `sar-run` in a package of its own."""
+"""A mission for `sar-run` in a separate package: a patrol that takes a photo at each of its points."""

@@ -19,9 +19,9 @@ class Camera(Node):
     def __init__(self, faults: ServiceFaults, **options: Any) -> None:
         super().__init__("camera", **options)
         self._count = 0
-        create_service(self, Trigger, "take_photo", self._take, refuse=self._refuse, faults=faults)
+        create_service(self, Trigger, "take_photo", self._take_photo, refuse=self._refuse, faults=faults)
 
-    def _take(self, _: Any, response: Any) -> Any:
+    def _take_photo(self, _: Any, response: Any) -> Any:
         self._count += 1
         response.success, response.message = True, f"photo_{self._count}"
         self.get_logger().info(f"Took {response.message}.")

@@ -15,7 +15,7 @@ _OUTCOMES = {Status.SUCCESS, Status.FAILURE, Status.RUNNING}
 
 @register("PointsLeft", kind=Kind.CONDITION, outcomes={Status.SUCCESS, Status.FAILURE})
 class PointsLeft(Behaviour):
-    """Is there a point that was not visited?
+    """Check whether a point was not visited yet.
 
     Args:
         name: The node's name.
@@ -27,7 +27,7 @@ class PointsLeft(Behaviour):
         self._patrol = patrol
 
     def update(self) -> Status:
-        """Check whether there is one."""
+        """Return SUCCESS if there is such a point."""
         return Status.SUCCESS if self._patrol.point is not None else Status.FAILURE
 
 
@@ -54,12 +54,12 @@ class DriveToPoint(ActionLeaf):
         self._patrol = patrol
 
     def goal(self) -> Any:
-        """Return the point's pose."""
+        """Return a goal with the pose of the point."""
         point = self._patrol.point
         if point is None:
             return Status.FAILURE
         if point["id"] in self._patrol.photos:
-            return Status.SUCCESS  # by a run that this one goes on with
+            return Status.SUCCESS  # the resumed run has taken the photo
         self.log(f"Driving to {point['id']}...")
         goal = self.interface.Goal()
         goal.pose.header.frame_id = "map"
@@ -77,7 +77,7 @@ class DriveToPoint(ActionLeaf):
     uses=[Use.service("take_photo")],
 )
 class TakePhoto(ServiceLeaf):
-    """Have the camera take a photo, and note its name.
+    """Take a photo with the camera, and record its name.
 
     Args:
         name: The node's name.
@@ -100,11 +100,11 @@ class TakePhoto(ServiceLeaf):
     def on_response(self, response: Any) -> Status:
         """Record the photo. Return FAILURE if the camera has taken no photo."""
         if response.success:
-            self._patrol.photographed(response.message)
+            self._patrol.record_photo(response.message)
         return super().on_response(response)
 
 
-@register("LeavePoint", kind=Kind.ACTION, outcomes={Status.SUCCESS}, effects="goes on to the next point")
+@register("LeavePoint", kind=Kind.ACTION, outcomes={Status.SUCCESS}, effects="continues with the next point")
 class LeavePoint(Behaviour):
     """Advance to the next point.
 

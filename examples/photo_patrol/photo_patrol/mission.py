@@ -33,20 +33,20 @@ class PhotoPatrol(Mission):
     name = "photo_patrol"
     context_types = (Patrol,)
     parameter_names = ("point_order", "points")
-    faults = {"take_photo": ("drop", "delay", "refuse")}  # noqa: RUF012 - nobody changes it
+    faults = {"take_photo": ("drop", "delay", "refuse")}  # noqa: RUF012 - not changed
     default_tree = str(_HERE / "patrol.xml")
     is_resumable = True
 
     def default_parameters(self) -> Path:
-        """Return the file in the package."""
+        """Return the path of the points."""
         return _HERE / "points.yaml"
 
     def default_properties(self, leaves: Collection[type]) -> Path:  # noqa: ARG002
-        """Return the file in the package."""
+        """Return the path of the properties."""
         return _HERE / "properties.yaml"
 
     def begin(self, reader: ParameterReader) -> "PatrolRun":
-        """Begin a patrol of the points in the parameters."""
+        """Start a patrol of the points in the parameters."""
         return PatrolRun(Patrol(reader.places("point")))
 
 
@@ -54,7 +54,7 @@ class PatrolRun(MissionRun):
     """One patrol.
 
     Args:
-        patrol: Its points, and the photos as they are taken.
+        patrol: The points and the photos.
     """
 
     kinds = (LandmarkKind("point", "points", "square"),)
@@ -68,20 +68,20 @@ class PatrolRun(MissionRun):
         return [f"{len(self._patrol.points)} points to photograph."]
 
     def identity(self) -> dict[str, object]:
-        """Return the points: a patrol of others is another one."""
+        """Return the points. A journal with other points belongs to another mission."""
         return {"points": self._patrol.points}
 
     def use_journal(self, journal: Journal) -> None:
-        """Take over what an earlier run has done, and write down what this one does."""
+        """Continue after the events of earlier runs, and record the events of this run."""
         super().use_journal(journal)
         self._patrol.journal = journal
 
     def apply(self, fact: JournalEntry) -> None:
-        """Change the patrol by a fact."""
+        """Apply an event to the patrol."""
         self._patrol.apply(fact)
 
     def display(self) -> Display:
-        """Return the points with their states, and how many photos there are."""
+        """Return the points with their states, and the number of photos."""
         photos, current = self._patrol.photos, self._patrol.point
         points = [
             Landmark("point", point["id"], point["x"], point["y"], *_state(point, current, photos))
@@ -90,7 +90,7 @@ class PatrolRun(MissionRun):
         return Display(points, [Figure("photos", len(photos), len(points))])
 
     def sentence(self, fact: JournalEntry) -> str:
-        """Return a fact as a sentence."""
+        """Return a sentence about an event."""
         return f"took {fact.data['photo']}" if fact.kind == "photo_taken" else ""
 
     def places(self) -> dict[str, tuple[float, float]]:
@@ -98,7 +98,7 @@ class PatrolRun(MissionRun):
         return {point["id"]: (point["x"], point["y"]) for point in self._patrol.points}
 
     def servers(self, faults: "FaultPlan", **options: Any) -> "list[Node]":
-        """Create the camera, which the simulated world does not have."""
+        """Create the camera, because the simulated world has none."""
         from .camera import Camera
 
         return [Camera(faults.for_service("take_photo"), **options)]
@@ -108,7 +108,7 @@ class PatrolRun(MissionRun):
         return [f"There is no photo of {name}." for name in self._patrol.without_photo()]
 
     def idle_reason(self) -> str:
-        """Return that every point was visited, once that is so."""
+        """Return a reason after every point was visited."""
         return "Every point was visited" if self._patrol.point is None else ""
 
     def summary(self, elapsed_sec: float, ticks: int) -> str:

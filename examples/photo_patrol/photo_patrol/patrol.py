@@ -20,7 +20,7 @@ class Patrol:
     Attributes:
         points: The points.
         photos: The photos' names, by the point's id.
-        journal: Where it is written what was done.
+        journal: The journal that records the events of the patrol.
     """
 
     def __init__(self, points: Sequence[Mapping[str, Any]]) -> None:
@@ -34,8 +34,8 @@ class Patrol:
         """The current point; None once all points were visited."""
         return self._left[0] if self._left else None
 
-    def photographed(self, photo: str) -> None:
-        """Note the photo of the current point."""
+    def record_photo(self, photo: str) -> None:
+        """Record the photo of the current point."""
         if self.point is not None:
             self.journal.record_event("photo_taken", photo=photo)
 
@@ -44,7 +44,7 @@ class Patrol:
         self.journal.record_event("point_left")
 
     def apply(self, fact: JournalEntry) -> None:
-        """Change the patrol by a fact: as it is noted, and again when a later run goes on with it."""
+        """Apply an event, both when it is recorded and when a later run resumes the patrol."""
         if fact.kind == "photo_taken" and self.point is not None:
             self.photos[self.point["id"]] = fact.data["photo"]
         elif fact.kind == "point_left":

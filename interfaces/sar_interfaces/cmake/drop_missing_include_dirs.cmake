@@ -1,7 +1,6 @@
-# Some ROS wheels on PyPI export the include folder of the machine that built them
-# (/opt/python/cp311-.../include). CMake refuses an imported target whose include folder is not
-# there, so take those plain paths out. On an ordinary ROS installation every path exists and
-# nothing changes.
+# Some ROS wheels on PyPI export an include folder of the machine that built them
+# (/opt/python/cp311-.../include). CMake rejects an imported target whose include folder does not
+# exist, so these paths are removed. In a ROS installation all paths exist, and nothing changes.
 #
 # Include this after the find_package calls of an interface package.
 
@@ -19,7 +18,7 @@ foreach(_target IN LISTS _targets)
   endif()
   set(_kept "")
   foreach(_folder IN LISTS _folders)
-    # Generator expressions cannot be looked up now, and are never the wheel's mistake.
+    # Generator expressions cannot be evaluated here. They are never wrong in the wheels.
     if(_folder MATCHES "\\$<" OR EXISTS "${_folder}")
       list(APPEND _kept "${_folder}")
     endif()
