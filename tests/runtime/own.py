@@ -1,4 +1,4 @@
-"""Nodes of ours, made of what their records say."""
+"""Functions that create nodes of this package from their specs."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -14,9 +14,9 @@ _STRUCTURE = (ParameterRole.NAME, ParameterRole.CHILD, ParameterRole.CHILDREN)
 
 
 def own(tag: str, specs: Iterable[NodeSpec] = SPECS) -> Callable[..., Any]:
-    """Return what makes a node, of its name, what is below it, and its parameters in the order of its record.
+    """Return a function that creates a node from its name, its children, and its parameters in the order of its spec.
 
-    Where py_trees' own is used unless a child may be skipped, it makes the one that is used then.
+    If py_trees' class is used unless a child can be skipped, the function creates the class that replaces it.
     """
     spec = next(each for each in specs if each.tag == tag and not each.variant)
     spec = spec.skipping.replacement or spec
@@ -34,12 +34,12 @@ def own(tag: str, specs: Iterable[NodeSpec] = SPECS) -> Callable[..., Any]:
 
 
 def of_nav2(tag: str, version: str = "jazzy") -> Callable[..., Any]:
-    """Return the same for a node of Nav2 that can run without it."""
+    """Return such a function for a node of Nav2 that can run without Nav2."""
     return own(tag, nav2.specs(version))
 
 
 def asking(tag: str) -> Callable[..., Any]:
-    """Return what makes the stand-in for a node of Nav2, of its name, what is below it, and the leaf that it asks."""
+    """Return a function that creates the stand-in for a node of Nav2 from its name, its children, and the leaf that it queries."""
     spec = next(each for each in nav2.specs("main") if each.tag == tag)
     assert spec.stand_in is not None
     maker = spec.stand_in.maker

@@ -1,4 +1,4 @@
-"""Leaves that do what a test tells them, and what they say of it."""
+"""A stage with scripted leaves, a blackboard, and a record of the calls of the leaves."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -19,7 +19,7 @@ _LETTERS = {Status.SUCCESS: "S", Status.FAILURE: "F", Status.RUNNING: "R", Statu
 
 
 class Stage:
-    """One test's leaves, blackboard and runner."""
+    """The leaves, the blackboard and the wake callback of one test."""
 
     def __init__(self, **entries: object) -> None:
         self.events = Events()
@@ -30,7 +30,7 @@ class Stage:
             self.entry(key).write(value)
 
     def leaf(self, name: str, outcomes: str = "S") -> Scripted:
-        """Make a leaf that answers S, F, R, K (skipped) or X (raises), one a tick, the last one for ever."""
+        """Create a leaf that returns S, F, R, K (skipped) or X (raises), one for each tick, and repeats the last one."""
         return Scripted(name, Input(name), self.events, Input(outcomes))
 
     def leaves(self, **outcomes: str) -> list[Behaviour]:
@@ -56,29 +56,29 @@ class Stage:
         return {name.removeprefix(board.prefix + "/"): board.get(name) for name in board.names()}
 
     def ready(self, root: Behaviour) -> Behaviour:
-        """Set a tree up with a runner that counts how often it is woken."""
+        """Set up a tree with a wake callback that counts its calls."""
         for node in root.iterate():
             node.setup(wake=self._wake)
         return root
 
     def tick(self, root: Behaviour) -> str:
-        """Tick once; return the outcome and what the leaves did: `R: a=S b=R halt c`."""
+        """Tick once, and return the outcome and the events of the leaves: `R: a=S b=R halt c`."""
         root.tick_once()
         outcome = "K" if was_skipped(root) else _LETTERS[root.status]
-        return f"{outcome}: {self.told()}".rstrip()
+        return f"{outcome}: {self.new_events()}".rstrip()
 
     def ticks(self, root: Behaviour, count: int) -> list[str]:
         return [self.tick(root) for _ in range(count)]
 
-    def told(self) -> str:
-        """Return what the leaves did since the last look."""
-        return " ".join(_said(event) for event in self.events.take())
+    def new_events(self) -> str:
+        """Return the events of the leaves since the last call."""
+        return " ".join(_event_text(event) for event in self.events.take())
 
     def _wake(self) -> None:
         self.woken += 1
 
 
-def _said(event: list[str]) -> str:
+def _event_text(event: list[str]) -> str:
     if event[0] == "tick":
         return f"{event[1]}={'K' if event[2] == 'SKIPPED' else event[2][0]}"
     return " ".join(event)

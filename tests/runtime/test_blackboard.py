@@ -1,4 +1,4 @@
-"""Entries, and which one a key means."""
+"""Tests of the blackboard: its entries, and the resolution of keys in scopes."""
 
 import gc
 
@@ -18,12 +18,12 @@ def main(board):
     return Scope(board)
 
 
-def inner(around, name="a", remapping=None, **more):
+def inner_scope(around, name="a", remapping=None, **more):
     path = f"{around.path}/{name}" if around.path else name
     return Scope(around.board, path, around, remapping, **more)
 
 
-def test_an_entry_is_there_once_it_is_written(main):
+def test_entry_exists_once_written(main):
     entry = main.resolve("x")
     assert not entry.exists
     entry.write(None)
@@ -31,13 +31,13 @@ def test_an_entry_is_there_once_it_is_written(main):
     assert entry.read() is None
 
 
-def test_what_was_never_written_cannot_be_read_and_the_error_names_the_key(main):
+def test_reading_unwritten_entry_raises_error_with_key(main):
     with pytest.raises(MissingEntryError, match=r"^the key '@speed' has no value yet$") as caught:
         main.resolve("@speed").read()
     assert caught.value.key == "@speed"
 
 
-def test_every_write_counts_even_of_the_same_value(main):
+def test_every_write_increments_stamp_even_of_same_value(main):
     entry = main.resolve("x")
     assert entry.stamp == 0
     entry.write(1)
@@ -45,7 +45,7 @@ def test_every_write_counts_even_of_the_same_value(main):
     assert entry.stamp == 2
 
 
-def test_an_entry_that_is_removed_was_never_written(main):
+def test_removed_entry_does_not_exist_and_has_stamp_zero(main):
     entry = main.resolve("x")
     entry.write(1)
     entry.remove()
@@ -53,18 +53,18 @@ def test_an_entry_that_is_removed_was_never_written(main):
     assert (entry.exists, entry.stamp) == (False, 0)
 
 
-def test_entries_lie_on_the_blackboard_of_py_trees(main):
+def test_entries_are_stored_on_py_trees_blackboard(main):
     main.resolve("x").write(1)
     assert Blackboard.storage[f"{main.board.prefix}/x"] == 1
 
 
-def test_two_boards_of_one_name_share_nothing():
+def test_boards_with_same_name_share_no_entries():
     first, second = Scope(Board("Main")), Scope(Board("Main"))
     first.resolve("x").write(1)
     assert not second.resolve("x").exists
 
 
-def test_a_board_forgets_its_entries_when_nobody_has_it_any_more():
+def test_garbage_collected_board_removes_its_entries():
     scope = Scope(Board("Gone"))
     entry = scope.resolve("x")
     entry.write(1)
@@ -89,13 +89,13 @@ def test_a_board_forgets_its_entries_when_nobody_has_it_any_more():
         ({"x": "@y"}, {}, "x", 0, "y"),
     ],
 )
-def test_a_key_of_a_subtree_belongs_to_it_or_to_the_tree_around(main, remapping, more, key, depth, name):
-    scope = inner(main, remapping=remapping, **more)
+def test_key_in_subtree_belongs_to_its_own_or_outer_scope(main, remapping, more, key, depth, name):
+    scope = inner_scope(main, remapping=remapping, **more)
     assert scope.owner(key) == ((main, scope)[depth], name)
 
 
-def test_a_root_key_that_is_passed_on_goes_past_every_tree_between(main):
-    innermost = inner(inner(main), "b", {"x": "@y"})
+def test_remapping_to_root_key_bypasses_intermediate_scopes(main):
+    innermost = inner_scope(inner_scope(main), "b", {"x": "@y"})
     assert innermost.owner("x") == (main, "y")
     assert innermost.root is main
 
@@ -103,9 +103,12 @@ def test_a_root_key_that_is_passed_on_goes_past_every_tree_between(main):
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        (lambda main: main.resolve("a/x"), lambda main: inner(main).resolve("x")),
-        (lambda main: inner(main).resolve("b/x"), lambda main: inner(inner(main), "b").resolve("x")),
+        (lambda main: main.resolve("a/x"), lambda main: inner_scope(main).resolve("x")),
+        (
+            lambda main: inner_scope(main).resolve("b/x"),
+            lambda main: inner_scope(inner_scope(main), "b").resolve("x"),
+        ),
     ],
 )
-def test_a_stroke_in_a_key_leads_into_no_subtree(main, one, other):
+def test_slash_in_key_does_not_address_subtree(main, one, other):
     assert one(main).name != other(main).name

@@ -1,4 +1,4 @@
-"""`constant_truth`: conditions whose result no value of their variables changes."""
+"""Tests of `constant_truth`: conditions whose result does not depend on the values of their variables."""
 
 import pytest
 from hypothesis import given
@@ -47,25 +47,25 @@ EITHER = [
 
 
 @pytest.mark.parametrize("text", ALWAYS_TRUE)
-def test_a_condition_that_every_value_makes_true_is_true(text: str) -> None:
+def test_condition_true_for_every_value_is_constant_true(text: str) -> None:
     assert constant_truth(parse(text)) is True
 
 
 @pytest.mark.parametrize("text", ALWAYS_FALSE)
-def test_a_condition_that_no_value_makes_true_is_false(text: str) -> None:
+def test_condition_true_for_no_value_is_constant_false(text: str) -> None:
     assert constant_truth(parse(text)) is False
 
 
 @pytest.mark.parametrize("text", EITHER)
-def test_a_condition_that_values_decide_is_not_judged(text: str) -> None:
+def test_condition_depending_on_values_has_no_constant_truth(text: str) -> None:
     assert constant_truth(parse(text)) is None
 
 
-def test_a_condition_that_raises_for_every_value_is_not_judged() -> None:
+def test_condition_raising_for_every_value_has_no_constant_truth() -> None:
     assert constant_truth(parse("x == 1 && x == 'A'")) is None
 
 
-def test_a_condition_of_very_many_variables_is_not_judged() -> None:
+def test_condition_with_too_many_variables_has_no_constant_truth() -> None:
     text = " && ".join(f"x{number}" for number in range(13)) + " && false"
     assert constant_truth(parse(text)) is None
 
@@ -87,7 +87,7 @@ _VALUES = st.one_of(st.integers(-3, 4), st.floats(-3, 4), st.sampled_from(["", "
 
 
 @given(_CONDITIONS, _VALUES, _VALUES)
-def test_no_run_contradicts_the_judgement(text: str, x: float | str, y: float | str) -> None:
+def test_evaluation_never_contradicts_constant_truth(text: str, x: float | str, y: float | str) -> None:
     script = parse(text)
     truth = constant_truth(script)
     if truth is None:

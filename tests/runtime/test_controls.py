@@ -1,4 +1,4 @@
-"""Sequences and fallbacks."""
+"""Tests of sequences and fallbacks."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from tests.runtime.own import own
 from tests.runtime.stage import Stage
 
 
-def test_a_sequence_passes_over_what_is_skipped_and_stock_py_trees_does_not():
+def test_sequence_ignores_skipped_child_unlike_py_trees():
     stage = Stage()
     assert stage.tick(Sequence("s", memory=True, children=stage.leaves(a="K", b="S"))) == "S: a=K b=S"
     assert stage.tick(composites.Sequence("s", memory=True, children=stage.leaves(a="K", b="S"))) == "K: a=K"
 
 
-def test_a_fallback_of_skipped_children_is_skipped_and_stock_py_trees_fails():
+def test_fallback_of_skipped_children_is_skipped_unlike_py_trees():
     stage = Stage()
     assert stage.tick(Fallback("f", memory=True, children=stage.leaves(a="K", b="K"))) == "K: a=K b=K"
     assert (
@@ -31,29 +31,29 @@ def test_a_fallback_of_skipped_children_is_skipped_and_stock_py_trees_fails():
 
 
 @pytest.mark.parametrize("memory", [True, False])
-def test_what_was_skipped_in_one_run_does_not_count_in_the_next(memory):
+def test_skipped_child_does_not_affect_next_activation(memory):
     stage = Stage()
     root = Sequence("s", memory=memory, children=stage.leaves(a="K,S", b="F,K"))
     assert stage.ticks(root, 2) == ["F: a=K b=F", "S: a=S b=K"]
 
 
-def test_without_memory_the_condition_before_the_running_child_is_looked_at_again():
+def test_sequence_without_memory_ticks_earlier_children_again():
     stage = Stage()
     root = Sequence("s", memory=False, children=stage.leaves(a="S,S,F", b="R"))
     assert stage.ticks(root, 3) == ["R: a=S b=R", "R: a=S b=R", "F: a=F halt b"]
 
 
-def test_with_memory_a_halted_sequence_starts_from_the_first_child():
+def test_halted_sequence_with_memory_starts_with_first_child():
     stage = Stage()
     root = Sequence("s", memory=True, children=stage.leaves(a="S", b="R"))
     stage.tick(root)
     root.stop(Status.INVALID)
-    assert stage.told() == "halt b"
+    assert stage.new_events() == "halt b"
     assert stage.tick(root) == "R: a=S b=R"
 
 
 @pytest.mark.parametrize("memory", [True, False])
-def test_the_child_that_decided_is_named_until_the_next_start(memory):
+def test_failed_child_is_reported_until_next_start(memory):
     stage = Stage()
     root = Sequence("s", memory=memory, children=stage.leaves(a="S", b="F,S"))
     stage.tick(root)
@@ -63,58 +63,58 @@ def test_the_child_that_decided_is_named_until_the_next_start(memory):
 
 
 @pytest.mark.parametrize(("cls", "ends"), [(AsyncSequence, "S"), (AsyncFallback, "F")])
-def test_an_asynchronous_control_pauses_after_each_child_but_the_last(cls, ends):
+def test_async_control_pauses_after_each_child_but_last(cls, ends):
     stage = Stage()
     root = stage.ready(cls("s", stage.leaves(a=ends, b=ends, c=ends)))
     assert stage.ticks(root, 3) == [f"R: a={ends}", f"R: b={ends}", f"{ends}: c={ends}"]
     assert stage.woken == 2
 
 
-def test_an_asynchronous_control_does_not_pause_after_a_child_that_took_its_time():
+def test_async_control_does_not_pause_after_child_that_was_running():
     stage = Stage()
     root = stage.ready(AsyncSequence("s", stage.leaves(a="R,S", b="S")))
     assert stage.ticks(root, 2) == ["R: a=R", "S: a=S b=S"]
     assert stage.woken == 0
 
 
-def test_an_asynchronous_control_does_not_pause_after_a_child_that_was_skipped():
+def test_async_control_does_not_pause_after_skipped_child():
     stage = Stage()
     root = stage.ready(AsyncSequence("s", stage.leaves(a="K", b="S")))
     assert stage.tick(root) == "S: a=K b=S"
 
 
-def test_a_runner_without_wake_can_tick_an_asynchronous_control():
+def test_async_control_can_be_ticked_without_wake_callback():
     stage = Stage()
     root = AsyncSequence("s", stage.leaves(a="S", b="S"))
     root.setup()
     assert stage.ticks(root, 2) == ["R: a=S", "S: b=S"]
 
 
-def test_a_sequence_with_memory_goes_on_with_the_child_that_failed():
+def test_sequence_with_memory_continues_with_failed_child():
     stage = Stage()
     root = SequenceWithMemory("s", stage.leaves(a="R,S", b="R,F,R,S", c="S"))
     assert stage.ticks(root, 5) == ["R: a=R", "R: a=S b=R", "F: b=F", "R: b=R", "S: b=S c=S"]
     assert stage.tick(root) == "R: a=S"
 
 
-def test_a_sequence_with_memory_goes_on_with_the_child_that_was_halted():
+def test_sequence_with_memory_continues_with_halted_child():
     stage = Stage()
     root = SequenceWithMemory("s", stage.leaves(a="R,S", b="R"))
     stage.ticks(root, 2)
     root.stop(Status.INVALID)
-    assert stage.told() == "halt b"
+    assert stage.new_events() == "halt b"
     assert stage.tick(root) == "R: b=R"
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A tree that can be built of stock classes and of ours."""
+    """A tree that can be build from py_trees' classes or from this package's."""
 
     kind: str
     children: tuple["Shape", ...] = ()
     outcomes: str = ""
 
-    def built(self, stage: Stage, forms: dict[str, Callable[..., Behaviour]]) -> Behaviour:
+    def build(self, stage: Stage, forms: dict[str, Callable[..., Behaviour]]) -> Behaviour:
         counter = iter(range(1000))
 
         def make(shape: "Shape") -> Behaviour:
@@ -165,11 +165,11 @@ shapes = st.recursive(
 
 
 @given(shape=shapes, halted=st.sets(st.integers(0, 7), max_size=2))
-def test_over_leaves_that_never_skip_our_forms_and_the_stock_ones_tick_identically(shape, halted):
+def test_own_and_py_trees_nodes_tick_identically_without_skips(shape, halted):
     histories = []
     for forms in (STOCK, OURS):
         stage = Stage()
-        root = shape.built(stage, forms)
+        root = shape.build(stage, forms)
         history = []
         for tick in range(8):
             if tick in halted:
@@ -180,7 +180,7 @@ def test_over_leaves_that_never_skip_our_forms_and_the_stock_ones_tick_identical
 
 
 @given(shape=shapes, mixed=st.lists(st.booleans(), min_size=40, max_size=40))
-def test_our_forms_and_the_stock_ones_can_be_mixed(shape, mixed):
+def test_own_and_py_trees_nodes_can_be_mixed(shape, mixed):
     choices = iter(mixed * 10)
     either = {
         kind: lambda name, children, kind=kind: (STOCK if next(choices) else OURS)[kind](name, children)
@@ -189,6 +189,6 @@ def test_our_forms_and_the_stock_ones_can_be_mixed(shape, mixed):
     histories = []
     for forms in (STOCK, either):
         stage = Stage()
-        root = shape.built(stage, forms)
+        root = shape.build(stage, forms)
         histories.append(stage.ticks(root, 8))
     assert histories[0] == histories[1]

@@ -1,4 +1,4 @@
-"""Decorators that turn one end into another."""
+"""Tests of decorators that change the outcome of their child."""
 
 import pytest
 from py_trees.common import Status
@@ -25,7 +25,7 @@ SubTree = own("SubTree")
         (SubTree, "R K S F"),
     ],
 )
-def test_each_decorator_makes_of_its_childs_answers_what_it_is_for(cls, answers):
+def test_decorator_maps_outcomes_of_child(cls, answers):
     stage = Stage()
     root = cls("d", stage.leaf("a", "R,K,S,F"))
     assert " ".join(answer[0] for answer in stage.ticks(root, 4)) == answers
@@ -34,30 +34,30 @@ def test_each_decorator_makes_of_its_childs_answers_what_it_is_for(cls, answers)
 @pytest.mark.parametrize(
     "cls", [Inverter, ForceSuccess, ForceFailure, KeepRunningUntilFailure, RunOnce, SubTree]
 )
-def test_a_child_that_has_ended_is_left_at_rest(cls):
+def test_ended_child_is_reset(cls):
     stage = Stage()
     root = cls("d", stage.leaf("a", "S"))
     stage.tick(root)
     assert root.decorated.status == Status.INVALID
 
 
-def test_run_once_is_skipped_for_ever_after_its_child_has_ended():
+def test_run_once_is_skipped_after_child_has_ended():
     stage = Stage()
     root = RunOnce("r", stage.leaf("a", "K,R,F"))
     assert stage.ticks(root, 5) == ["K: a=K", "R: a=R", "F: a=F", "K:", "K:"]
     assert root.feedback_message == "has run"
 
 
-def test_run_once_can_answer_the_same_again():
+def test_run_once_can_repeat_outcome_instead_of_being_skipped():
     stage = Stage()
     root = RunOnce("r", stage.leaf("a", "F,S"), Input(source=False))
     assert stage.ticks(root, 3) == ["F: a=F", "F:", "F:"]
 
 
-def test_run_once_may_run_again_if_it_was_halted_before_the_end():
+def test_run_once_halted_before_end_runs_again():
     stage = Stage()
     root = RunOnce("r", stage.leaf("a", "R,S"))
     stage.tick(root)
     root.stop(Status.INVALID)
-    assert stage.told() == "halt a"
+    assert stage.new_events() == "halt a"
     assert stage.ticks(root, 2) == ["S: a=S", "K:"]

@@ -1,4 +1,4 @@
-"""What scripts calculate, what they change, and what is said when they cannot be run."""
+"""Tests of the evaluation of scripts: values, assignments and errors."""
 
 import math
 
@@ -15,8 +15,8 @@ from sar_compiler.runtime.variables import LARGEST_EXACT, RefusedValueError, Unk
 ENUMS = {"RED": 1, "BLUE": 3}
 
 
-class Desk:
-    """Variables in a dictionary; each keeps the type of its first value."""
+class DictVariables:
+    """Variables in a dictionary. Each keeps the type of its first value."""
 
     def __init__(self, **values):
         self.values = values
@@ -38,14 +38,14 @@ class Desk:
 
 
 def value_of(text, **variables):
-    return Program(parse(text), ENUMS).run(Desk(**variables))
+    return Program(parse(text), ENUMS).run(DictVariables(**variables))
 
 
-def left_by(text, **variables):
+def variables_after(text, **variables):
     """Return the variables after a script."""
-    desk = Desk(**variables)
-    Program(parse(text), ENUMS).run(desk)
-    return desk.values
+    store = DictVariables(**variables)
+    Program(parse(text), ENUMS).run(store)
+    return store.values
 
 
 def error_of(text, **variables):
@@ -57,12 +57,12 @@ def error_of(text, **variables):
 def outcome(program, **variables):
     """Return the value of a program or its error."""
     try:
-        return program.run(Desk(**variables)), None
+        return program.run(DictVariables(**variables)), None
     except EvaluationError as error:
         return None, error
 
 
-def marked(text, error):
+def marked_text(text, error):
     return text[error.start : error.end]
 
 
@@ -100,7 +100,7 @@ def marked(text, error):
         ("1; 2; 'last'", "last"),
     ],
 )
-def test_an_expression_has_the_value_that_it_has_in_behavior_tree_cpp(text, value):
+def test_expression_has_same_value_as_in_behaviortree_cpp(text, value):
     assert value_of(text) == value
     assert type(value_of(text)) is type(value)
 
@@ -132,7 +132,7 @@ def test_an_expression_has_the_value_that_it_has_in_behavior_tree_cpp(text, valu
         ("2 > 3 == nope", False),
     ],
 )
-def test_a_comparison_is_true_or_false(text, holds):
+def test_comparison_yields_one_or_zero(text, holds):
     assert value_of(text) == float(holds)
     assert isinstance(value_of(text), float)
 
@@ -147,11 +147,11 @@ def test_a_comparison_is_true_or_false(text, holds):
         ("1e308 * 10", math.inf),
     ],
 )
-def test_dividing_by_zero_and_overflow_give_infinite_numbers(text, value):
+def test_division_by_zero_and_overflow_yield_infinity(text, value):
     assert value_of(text) == value
 
 
-def test_nothing_equals_what_is_not_a_number_and_no_order_with_it_is_denied():
+def test_nan_equals_nothing_and_every_order_comparison_with_it_holds():
     assert math.isnan(value_of("0 / 0"))
     assert value_of("(0 / 0) == (0 / 0)") == 0.0
     assert value_of("(0 / 0) != 1") == 1.0
@@ -159,16 +159,16 @@ def test_nothing_equals_what_is_not_a_number_and_no_order_with_it_is_denied():
 
 
 @pytest.mark.parametrize("text", ["false && nope", "true || nope", "nope && false"])
-def test_both_sides_of_a_logical_operator_are_always_calculated(text):
+def test_both_operands_of_logical_operator_are_always_evaluated(text):
     error = error_of(text)
     assert error.message == "there is no variable 'nope'"
-    assert marked(text, error) == "nope"
+    assert marked_text(text, error) == "nope"
 
 
-def test_literals_keep_their_type_and_results_are_real_numbers():
-    desk = left_by("i:=42; r:=3.5; s:='txt'; b:=true; h:=0xFF; e:=1e3; n:=-1; c:=RED")
-    assert desk == {"i": 42, "r": 3.5, "s": "txt", "b": 1.0, "h": 255, "e": 1000.0, "n": -1.0, "c": 1.0}
-    whole = {name for name, value in desk.items() if isinstance(value, int)}
+def test_number_literals_keep_their_type_and_results_are_floats():
+    store = variables_after("i:=42; r:=3.5; s:='txt'; b:=true; h:=0xFF; e:=1e3; n:=-1; c:=RED")
+    assert store == {"i": 42, "r": 3.5, "s": "txt", "b": 1.0, "h": 255, "e": 1000.0, "n": -1.0, "c": 1.0}
+    whole = {name for name, value in store.items() if isinstance(value, int)}
     assert whole == {"i", "h"}
 
 
@@ -191,30 +191,30 @@ def test_literals_keep_their_type_and_results_are_real_numbers():
         ("x += (x = 5)", 1, 10),
     ],
 )
-def test_a_variable_is_changed_and_keeps_its_type(text, before, after):
-    value = left_by(text, x=before)["x"]
+def test_assigned_variable_keeps_its_type(text, before, after):
+    value = variables_after(text, x=before)["x"]
     assert value == after
     assert type(value) is type(before)
 
 
-def test_the_value_of_an_assignment_is_what_was_stored():
+def test_value_of_assignment_is_stored_value():
     assert type(value_of("x = 2.0", x=1)) is int
     assert value_of("y := x = '7'", x=1.5) == 7.0
 
 
-def test_a_name_at_the_root_is_another_variable():
-    assert left_by("@g := 1; g := 2") == {"@g": 1, "g": 2}
+def test_root_variable_differs_from_local_variable():
+    assert variables_after("@g := 1; g := 2") == {"@g": 1, "g": 2}
 
 
-def test_a_name_of_an_enumeration_hides_a_variable_that_is_read():
+def test_enumerator_hides_variable_of_same_name():
     assert value_of("RED := 5; RED") == 1.0
 
 
 @pytest.mark.parametrize("text", ["nope = 3", "nope += 3"])
-def test_only_colon_equals_makes_a_variable(text):
+def test_only_colon_equals_creates_variable(text):
     error = error_of(text)
     assert (error.message, error.hint) == ("there is no variable 'nope'", "to create it, write nope := ...")
-    assert marked(text, error) == "nope"
+    assert marked_text(text, error) == "nope"
 
 
 @pytest.mark.parametrize(
@@ -252,69 +252,69 @@ def test_only_colon_equals_makes_a_variable(text):
         ("huge == 1", "huge == 1", "an integer of 20001 bits is too large"),
     ],
 )
-def test_a_value_that_does_not_fit_is_pointed_at_and_explained(text, mark, said):
+def test_unsuitable_value_is_marked_and_explained(text, mark, said):
     error = error_of(text, count=3, label="abc", pose=[], huge=1 << 20_000)
-    assert marked(text, error) == mark
+    assert marked_text(text, error) == mark
     assert said in f"{error.message}; {error.hint}"
 
 
 @pytest.mark.parametrize("text", ["a = a + a", "a += a", "a = a .. a", "a = a .. 1.5"])
-def test_a_text_does_not_grow_without_end(text):
+def test_length_of_created_string_is_limited(text):
     error = error_of(text, a="x" * LONGEST_TEXT)
     assert f"but the limit is {LONGEST_TEXT:,}" in error.message
 
 
-def test_a_text_that_somebody_else_has_made_may_be_longer():
+def test_existing_string_may_exceed_length_limit():
     assert value_of("a == a ? a : ''", a="x" * 100_000) == "x" * 100_000
 
 
-def test_any_value_can_be_handed_from_one_variable_to_another():
+def test_any_value_can_be_assigned_from_another_variable():
     pose = object()
-    assert left_by("b := a", a=pose)["b"] is pose
+    assert variables_after("b := a", a=pose)["b"] is pose
 
 
-def test_what_was_assigned_before_an_error_stays():
-    desk = Desk()
+def test_assignments_before_error_are_kept():
+    store = DictVariables()
     with pytest.raises(EvaluationError):
-        Program(parse("a := 1; b := nope; c := 2")).run(desk)
-    assert desk.values == {"a": 1}
+        Program(parse("a := 1; b := nope; c := 2")).run(store)
+    assert store.values == {"a": 1}
 
 
-def test_an_empty_script_changes_nothing():
-    desk = Desk(a=1)
-    assert Program(parse("", allow_empty=True)).run(desk) == 0.0
-    assert desk.values == {"a": 1}
+def test_empty_script_changes_nothing():
+    store = DictVariables(a=1)
+    assert Program(parse("", allow_empty=True)).run(store) == 0.0
+    assert store.values == {"a": 1}
 
 
-def test_a_program_runs_as_often_as_wanted():
-    program, desk = Program(parse("n += 1")), Desk(n=0)
-    assert [program.run(desk) for _ in range(3)] == [1, 2, 3]
+def test_program_can_run_repeatedly():
+    program, store = Program(parse("n += 1")), DictVariables(n=0)
+    assert [program.run(store) for _ in range(3)] == [1, 2, 3]
 
 
 @pytest.mark.parametrize(
     ("value", "holds"),
     [(1, True), (0, False), (1.0, True), (-0.0, False), (True, True), (0.5, True), (2.5, True)],
 )
-def test_one_and_zero_answer_a_condition_and_so_does_any_real_number_above(value, holds):
+def test_zero_one_and_positive_floats_are_truth_values(value, holds):
     assert as_condition(value) is holds
 
 
 @pytest.mark.parametrize("value", [2, -1, -0.5, "1", "true", []])
-def test_nothing_else_answers_a_condition(value):
+def test_other_values_are_no_truth_values(value):
     with pytest.raises(RefusedValueError, match="neither true"):
         as_condition(value)
 
 
-def test_a_condition_is_a_script_with_a_yes_or_a_no():
-    assert Program(parse("x > 3")).holds(Desk(x=4)) is True
-    assert Program(parse("x > 3")).holds(Desk(x=3)) is False
+def test_condition_script_returns_bool():
+    assert Program(parse("x > 3")).holds(DictVariables(x=4)) is True
+    assert Program(parse("x > 3")).holds(DictVariables(x=3)) is False
 
 
-def test_an_assignment_that_is_no_condition_is_asked_whether_it_is_a_comparison():
+def test_assignment_as_condition_raises_error_suggesting_comparison():
     text = "y := 1; x = 2"
     with pytest.raises(EvaluationError, match="'x = 2' is not a condition: 2 is neither") as caught:
-        Program(parse(text)).holds(Desk(x=0))
-    assert marked(text, caught.value) == "x = 2"
+        Program(parse(text)).holds(DictVariables(x=0))
+    assert marked_text(text, caught.value) == "x = 2"
     assert caught.value.hint is not None
     assert "==" in caught.value.hint
 
@@ -341,7 +341,7 @@ def test_an_assignment_that_is_no_condition_is_asked_whether_it_is_a_comparison(
         ([7], list, [7]),
     ],
 )
-def test_a_value_that_is_one_of_the_type_fits(value, kind, fitted):
+def test_suitable_value_is_converted_to_type(value, kind, fitted):
     result = fit(value, kind, ENUMS)
     assert result == fitted
     assert type(result) is type(fitted)
@@ -371,7 +371,7 @@ def test_a_value_that_is_one_of_the_type_fits(value, kind, fitted):
         ("yes", bool),
     ],
 )
-def test_a_value_that_would_become_another_is_refused(value, kind):
+def test_lossy_conversion_is_rejected(value, kind):
     with pytest.raises(RefusedValueError):
         fit(value, kind, ENUMS)
 
@@ -422,7 +422,7 @@ values = (
 
 
 @given(st.lists(words, min_size=1, max_size=12).map(" ".join), values, values, values)
-def test_a_script_that_could_be_read_has_a_value_or_an_error_within_it(text, first, second, third):
+def test_parsed_script_has_value_or_error_within_text(text, first, second, third):
     try:
         program = Program(parse(text), ENUMS)
     except ScriptError:
@@ -432,17 +432,17 @@ def test_a_script_that_could_be_read_has_a_value_or_an_error_within_it(text, fir
 
 
 @given(st.sampled_from(["+", "-", "*", "/", "..", "&", "|", "^", "&&", "||", "<", "=="]), values, values)
-def test_any_two_values_have_a_result_that_is_real_or_a_text_or_an_error(operator, left, right):
+def test_binary_operator_yields_float_string_or_error(operator, left, right):
     text = f"a {operator} b"
     result, error = outcome(Program(parse(text)), a=left, b=right)
     if error is None:
         assert isinstance(result, (float, str))
     else:
-        assert marked(text, error) == text
+        assert marked_text(text, error) == text
 
 
 @given(st.floats() | st.integers() | st.text(), st.sampled_from([int, float, str, bool]))
-def test_what_fits_has_the_type_and_fits_again(value, kind):
+def test_converted_value_has_type_and_converts_to_itself(value, kind):
     try:
         fitted = fit(value, kind)
     except RefusedValueError:

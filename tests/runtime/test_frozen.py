@@ -1,4 +1,4 @@
-"""Values that are compared and kept."""
+"""Tests of frozen values, which can be compared, hashed and restored."""
 
 import enum
 import math
@@ -32,40 +32,40 @@ VALUES = [
 
 
 @pytest.mark.parametrize("value", VALUES, ids=repr)
-def test_a_value_comes_back_as_it_was(value):
+def test_thawed_value_equals_original(value):
     back = thaw(freeze(value))
     assert (back, type(back), repr(back)) == (value, type(value), repr(value))
 
 
-def test_values_that_python_takes_for_equal_are_told_apart_by_type_and_sign():
+def test_equal_values_of_different_type_or_sign_freeze_differently():
     values = [1, 1.0, True, 0.0, -0.0, 0, False, [1], [1.0], (1,)]
     assert len({freeze(value) for value in values}) == len(values)
 
 
-def test_what_is_no_number_is_equal_to_itself():
+def test_frozen_nan_equals_itself():
     assert freeze(math.nan) == freeze(float("nan"))
     assert math.isnan(thaw(freeze(math.nan)))
 
 
-def test_a_frozen_list_does_not_change_with_the_list():
+def test_frozen_list_does_not_change_with_original():
     inner = [2]
     frozen = freeze([1, {"a": inner}])
     inner.append(3)
     assert thaw(frozen) == [1, {"a": [2]}]
 
 
-def test_what_comes_back_is_a_new_list_each_time():
+def test_thaw_returns_new_list_each_time():
     frozen = freeze([1])
     thaw(frozen).append(2)
     assert thaw(frozen) == [1]
 
 
-def test_other_objects_are_taken_as_they_are():
+def test_other_objects_are_returned_unchanged():
     held = object()
     assert thaw(freeze(held)) is held
 
 
-def test_what_can_be_neither_copied_nor_hashed_is_refused():
+def test_value_that_can_be_neither_copied_nor_hashed_is_rejected():
     with pytest.raises(
         FrozenValueError, match=r"type bytearray, which can neither be copied nor hashed\. Store"
     ):
@@ -75,5 +75,5 @@ def test_what_can_be_neither_copied_nor_hashed_is_refused():
 @pytest.mark.parametrize(
     ("value", "changes"), [([], True), ({}, True), (deque(), True), (([],), True), (1, False)]
 )
-def test_it_is_known_what_can_change_in_place(value, changes):
+def test_can_change_detects_mutable_values(value, changes):
     assert can_change(value) is changes

@@ -1,4 +1,4 @@
-"""Loops over queues."""
+"""Tests of the loops over queues."""
 
 from collections import deque
 
@@ -25,7 +25,7 @@ def loop(stage, queue, cls=LoopInt, outcomes="S", if_empty=ReturnedStatus.SUCCES
 
 
 def items_of(stage, root):
-    """Tick until the end; return what was written for each tick of the child."""
+    """Tick until the loop ends, and return the item for each tick of the child."""
     items = []
     while stage.tick(root).startswith("R: a"):
         items.append(stage.entry("n").read())
@@ -43,7 +43,7 @@ def items_of(stage, root):
         (LoopString, "red; green;", ["red", " green"]),
     ],
 )
-def test_a_literal_queue_gives_items_of_the_loops_type(cls, text, items):
+def test_literal_queue_yields_items_of_loop_type(cls, text, items):
     stage = Stage()
     found = items_of(stage, loop(stage, Input(text), cls))
     assert found == items
@@ -61,28 +61,28 @@ def test_a_literal_queue_gives_items_of_the_loops_type(cls, text, items):
         (LoopInt, ";"),
     ],
 )
-def test_an_item_of_a_literal_queue_that_does_not_fit_is_refused_before_the_child_is_ticked(cls, text):
+def test_unsuitable_item_of_literal_queue_is_rejected_before_first_child_tick(cls, text):
     stage = Stage()
     with pytest.raises(QueueError, match=r"'l': queue: '.*' is not "):
         loop(stage, Input(text), cls).tick_once()
-    assert stage.told() == ""
+    assert stage.new_events() == ""
 
 
-def test_a_literal_queue_starts_again_with_every_activation():
+def test_literal_queue_restarts_with_every_activation():
     stage = Stage()
     root = loop(stage, Input("1;2"))
     assert items_of(stage, root) == [1, 2]
     assert items_of(stage, root) == [1, 2]
 
 
-def test_a_list_on_the_blackboard_is_not_changed():
+def test_list_on_blackboard_is_not_changed():
     stage = Stage(q=[1, 2])
     root = loop(stage, stage.port("q"))
     assert items_of(stage, root) == [1, 2]
     assert stage.entry("q").read() == [1, 2]
 
 
-def test_a_shared_queue_is_emptied_and_can_be_filled_meanwhile():
+def test_deque_on_blackboard_is_consumed_and_may_grow_meanwhile():
     queue = deque([1, 2])
     stage = Stage(q=queue)
     root = loop(stage, stage.port("q"))
@@ -92,24 +92,24 @@ def test_a_shared_queue_is_emptied_and_can_be_filled_meanwhile():
     assert not queue
 
 
-def test_a_text_on_the_blackboard_is_a_queue():
+def test_string_on_blackboard_is_parsed_as_queue():
     stage = Stage(q="1;2")
     assert items_of(stage, loop(stage, stage.port("q"))) == [1, 2]
 
 
-def test_what_is_no_queue_is_an_error_that_says_what_would_be_one():
+def test_value_that_is_no_queue_raises_error_with_remedy():
     stage = Stage(q=7)
     with pytest.raises(QueueError, match=r"queue: a value of type int is not a queue\. Write a list"):
         loop(stage, stage.port("q")).tick_once()
 
 
-def test_a_queue_that_nobody_wrote_is_an_error():
+def test_unwritten_queue_raises_error():
     stage = Stage()
     with pytest.raises(PortError, match="the key 'q' has no value"):
         loop(stage, stage.port("q")).tick_once()
 
 
-def test_an_item_of_a_list_that_does_not_fit_is_an_error():
+def test_unsuitable_item_of_list_raises_error():
     stage = Stage(q=[1, object()])
     with pytest.raises(QueueError, match="is not an integer"):
         loop(stage, stage.port("q")).tick_once()
@@ -124,14 +124,14 @@ def test_an_item_of_a_list_that_does_not_fit_is_an_error():
         (ReturnedStatus.RUNNING, "R:"),
     ],
 )
-def test_an_empty_queue_gives_the_answer_that_was_chosen(if_empty, answer):
+def test_empty_queue_returns_configured_outcome(if_empty, answer):
     stage = Stage()
     root = loop(stage, Input(""), if_empty=if_empty)
     assert stage.tick(root) == answer
     assert root.feedback_message == "no item left"
 
 
-def test_a_failure_ends_the_loop_and_a_running_child_keeps_its_item():
+def test_failure_ends_loop_and_running_child_keeps_its_item():
     stage = Stage()
     root = loop(stage, Input("1;2"), outcomes="R,S,F")
     assert stage.ticks(root, 2) == ["R: a=R", "R: a=S"]
@@ -141,24 +141,24 @@ def test_a_failure_ends_the_loop_and_a_running_child_keeps_its_item():
     assert stage.entry("n").read() == 2
 
 
-def test_a_halted_loop_starts_with_the_first_item():
+def test_halted_loop_starts_with_first_item():
     stage = Stage()
     root = loop(stage, Input("1;2"), outcomes="S,R,S")
     stage.ticks(root, 2)
     root.stop(Status.INVALID)
-    assert stage.told() == "halt a"
+    assert stage.new_events() == "halt a"
     stage.tick(root)
     assert stage.entry("n").read() == 1
 
 
-def test_a_loop_whose_items_interest_nobody_only_counts():
+def test_loop_without_output_port_repeats_child_for_each_item():
     root = LoopInt("l", Success("a"), Input("1;2"))
     stage = Stage()
     assert stage.ticks(root, 3) == ["R:", "R:", "S:"]
 
 
 @given(items=st.lists(st.integers(-(2**63), 2**63 - 1), max_size=8))
-def test_every_item_comes_once_and_in_order(items):
+def test_every_item_is_yielded_once_in_order(items):
     stage = Stage()
     root = loop(stage, Input(";".join(map(str, items))))
     assert items_of(stage, root) == items

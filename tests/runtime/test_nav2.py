@@ -1,4 +1,4 @@
-"""The controls and decorators of Nav2, sentence by sentence as its sources have them."""
+"""Tests of the controls and decorators of Nav2, which must behave as in its sources."""
 
 import pytest
 from py_trees import composites
@@ -18,164 +18,164 @@ NonblockingSequence = of_nav2("NonblockingSequence", "main")
 PersistentSequence = of_nav2("PersistentSequence", "main")
 RateController = of_nav2("RateController")
 SingleTrigger = of_nav2("SingleTrigger")
-WhenDue = asking("SpeedController")
-WhenDriven = asking("DistanceController")
-WhenPathIsLonger = asking("PathLongerOnApproach")
-PausedOnRequest = asking("PauseResumeController")
+SpeedController = asking("SpeedController")
+DistanceController = asking("DistanceController")
+PathLongerOnApproach = asking("PathLongerOnApproach")
+PauseResumeController = asking("PauseResumeController")
 
 
-def recovery(stage, retries=1, **children):
+def recovery_node(stage, retries=1, **children):
     return RecoveryNode("r", stage.leaves(**children), Input(retries))
 
 
 class TestRecoveryNode:
-    def test_it_succeeds_with_its_first_child_and_never_ticks_the_second_one(self):
+    def test_success_of_first_child_succeeds_without_recovery(self):
         stage = Stage()
-        assert stage.ticks(recovery(stage, a="R,S", b="S"), 2) == ["R: a=R", "S: a=S"]
+        assert stage.ticks(recovery_node(stage, a="R,S", b="S"), 2) == ["R: a=R", "S: a=S"]
 
-    def test_after_a_failure_it_recovers_and_tries_again_in_the_same_tick(self):
+    def test_failure_triggers_recovery_and_retry_in_same_tick(self):
         stage = Stage()
-        assert stage.tick(recovery(stage, a="F,S", b="S")) == "S: a=F b=S a=S"
+        assert stage.tick(recovery_node(stage, a="F,S", b="S")) == "S: a=F b=S a=S"
 
-    def test_it_fails_when_its_first_child_has_failed_once_more_than_there_are_retries(self):
+    def test_node_fails_when_first_attempt_and_all_retries_have_failed(self):
         stage = Stage()
-        assert stage.tick(recovery(stage, 2, a="F", b="S")) == "F: a=F b=S a=F b=S a=F"
+        assert stage.tick(recovery_node(stage, 2, a="F", b="S")) == "F: a=F b=S a=F b=S a=F"
 
-    def test_without_retries_it_does_not_recover(self):
+    def test_zero_retries_mean_no_recovery(self):
         stage = Stage()
-        assert stage.tick(recovery(stage, 0, a="F", b="S")) == "F: a=F"
+        assert stage.tick(recovery_node(stage, 0, a="F", b="S")) == "F: a=F"
 
-    def test_less_than_no_retries_count_as_one(self):
+    def test_negative_number_of_retries_is_treated_as_one(self):
         stage = Stage()
-        assert stage.tick(recovery(stage, -1, a="F", b="S")) == "F: a=F b=S a=F"
+        assert stage.tick(recovery_node(stage, -1, a="F", b="S")) == "F: a=F b=S a=F"
 
-    def test_it_fails_with_the_recovery_and_begins_with_its_first_child_the_next_time(self):
+    def test_failed_recovery_fails_node_and_next_start_ticks_first_child(self):
         stage = Stage()
-        assert stage.ticks(recovery(stage, a="F", b="R,F"), 3) == ["R: a=F b=R", "F: b=F", "F: a=F b=F"]
+        assert stage.ticks(recovery_node(stage, a="F", b="R,F"), 3) == ["R: a=F b=R", "F: b=F", "F: a=F b=F"]
 
-    def test_while_the_recovery_runs_the_first_child_is_not_ticked(self):
+    def test_first_child_is_not_ticked_while_recovery_runs(self):
         stage = Stage()
-        assert stage.ticks(recovery(stage, a="F,S", b="R,S"), 2) == ["R: a=F b=R", "S: b=S a=S"]
+        assert stage.ticks(recovery_node(stage, a="F,S", b="R,S"), 2) == ["R: a=F b=R", "S: b=S a=S"]
 
-    def test_it_is_skipped_with_its_first_child(self):
+    def test_skipped_first_child_skips_node(self):
         stage = Stage()
-        assert stage.tick(recovery(stage, a="K", b="S")) == "K: a=K"
+        assert stage.tick(recovery_node(stage, a="K", b="S")) == "K: a=K"
 
-    def test_a_recovery_that_is_skipped_makes_it_fail_and_the_retries_so_far_still_count(self):
+    def test_skipped_recovery_fails_node_and_keeps_retry_count(self):
         stage = Stage()
-        root = recovery(stage, 2, a="F", b="S,K,S")
+        root = recovery_node(stage, 2, a="F", b="S,K,S")
         assert stage.ticks(root, 2) == ["F: a=F b=S a=F b=K", "F: a=F b=S a=F"]
 
-    def test_a_halt_forgets_the_retries(self):
+    def test_halt_resets_retry_count(self):
         stage = Stage()
-        root = recovery(stage, 1, a="F,R,F,R", b="S")
+        root = recovery_node(stage, 1, a="F,R,F,R", b="S")
         assert stage.tick(root) == "R: a=F b=S a=R"
         root.stop(Status.INVALID)
-        assert stage.told() == "halt a"
+        assert stage.new_events() == "halt a"
         assert stage.tick(root) == "R: a=F b=S a=R"
 
 
 class TestPipelineSequence:
-    def test_it_goes_on_to_the_next_child_only_after_a_success(self):
+    def test_next_child_is_ticked_only_after_success(self):
         stage = Stage()
         root = PipelineSequence("p", stage.leaves(a="R,S", b="S"))
         assert stage.ticks(root, 2) == ["R: a=R", "S: a=S b=S"]
 
-    def test_it_ticks_the_children_before_the_one_that_runs_again_in_each_tick(self):
+    def test_children_before_running_one_are_ticked_again_in_every_tick(self):
         stage = Stage()
         root = PipelineSequence("p", stage.leaves(a="S", b="R"))
         assert stage.ticks(root, 2) == ["R: a=S b=R", "R: a=S b=R"]
 
-    def test_children_before_the_furthest_one_may_run_beside_it(self):
+    def test_earlier_children_may_run_together_with_furthest_one(self):
         stage = Stage()
         root = PipelineSequence("p", stage.leaves(a="S,R,S", b="R,R,S"))
         assert stage.ticks(root, 3) == ["R: a=S b=R", "R: a=R b=R", "S: a=S b=S"]
 
-    def test_its_end_halts_the_children_that_still_run(self):
+    def test_success_halts_children_that_still_run(self):
         stage = Stage()
         root = PipelineSequence("p", stage.leaves(a="S,R", b="R,S"))
         assert stage.ticks(root, 2) == ["R: a=S b=R", "S: a=R b=S halt a"]
 
-    def test_it_fails_with_any_child(self):
+    def test_failure_of_any_child_fails_sequence(self):
         stage = Stage()
         root = PipelineSequence("p", stage.leaves(a="S,F", b="R"))
         assert stage.ticks(root, 2) == ["R: a=S b=R", "F: a=F halt b"]
 
-    def test_it_passes_over_what_is_skipped_and_is_skipped_if_all_children_are(self):
+    def test_skipped_children_are_ignored_unless_all_are_skipped(self):
         stage = Stage()
         root = PipelineSequence("p", stage.leaves(a="K", b="K,S"))
         assert stage.ticks(root, 2) == ["K: a=K b=K", "S: a=K b=S"]
 
-    def test_after_a_halt_the_first_child_has_to_succeed_again_before_the_second_one(self):
+    def test_halted_sequence_requires_first_child_to_succeed_again(self):
         stage = Stage()
         root = PipelineSequence("p", stage.leaves(a="S,R", b="R"))
         stage.tick(root)
         root.stop(Status.INVALID)
-        stage.told()
+        stage.new_events()
         assert stage.tick(root) == "R: a=R"
 
 
 class TestRoundRobin:
-    def test_the_next_start_begins_behind_the_child_that_has_succeeded(self):
+    def test_next_start_begins_after_succeeded_child(self):
         stage = Stage()
         root = WrappingRoundRobin("r", stage.leaves(a="S", b="S"))
         assert stage.ticks(root, 3) == ["S: a=S", "S: b=S", "S: a=S"]
 
     @pytest.mark.parametrize("memory", [True, False])
-    def test_whose_turn_it_is_outlasts_its_end_below_a_sequence_of_py_trees(self, memory):
+    def test_current_child_is_kept_below_py_trees_sequence(self, memory):
         stage = Stage()
         robin = WrappingRoundRobin("r", stage.leaves(a="S", b="S"))
         root = composites.Sequence("s", memory, [composites.Selector("f", memory, [robin]), stage.leaf("c")])
         assert stage.ticks(root, 3) == ["S: a=S c=S", "S: b=S c=S", "S: a=S c=S"]
 
-    def test_whose_turn_it_is_outlasts_that_its_status_is_set_back(self):
+    def test_current_child_is_kept_when_status_is_reset(self):
         stage = Stage()
         root = WrappingRoundRobin("r", stage.leaves(a="S", b="R"))
         assert stage.tick(root) == "S: a=S"
         root.status = Status.INVALID
         assert stage.tick(root) == "R: b=R"
 
-    def test_it_fails_when_all_children_have_failed_one_after_another(self):
+    def test_node_fails_when_all_children_have_failed_in_turn(self):
         stage = Stage()
         root = WrappingRoundRobin("r", stage.leaves(a="S,F", b="F,R,F"))
         assert stage.ticks(root, 3) == ["S: a=S", "F: b=F a=F", "R: a=F b=R"]
 
-    def test_it_is_skipped_if_all_children_are(self):
+    def test_node_is_skipped_if_all_children_are_skipped(self):
         stage = Stage()
         root = WrappingRoundRobin("r", stage.leaves(a="K", b="K"))
         assert stage.tick(root) == "K: a=K b=K"
 
-    def test_a_halt_makes_it_begin_with_the_first_child(self):
+    def test_halted_node_starts_with_first_child(self):
         stage = Stage()
         root = WrappingRoundRobin("r", stage.leaves(a="F,S", b="R"))
         stage.tick(root)
         root.stop(Status.INVALID)
-        stage.told()
+        stage.new_events()
         assert stage.tick(root) == "S: a=S"
 
-    def test_without_a_wrap_the_success_of_the_last_child_is_a_failure(self):
+    def test_success_of_last_child_fails_without_wrap_around(self):
         stage = Stage()
         root = RoundRobin("r", stage.leaves(a="F,S", b="S"))
         assert stage.ticks(root, 3) == ["F: a=F b=S", "S: a=S", "F: b=S"]
 
-    def test_with_a_wrap_that_success_is_one(self):
+    def test_success_of_last_child_succeeds_with_wrap_around(self):
         stage = Stage()
         root = RoundRobin("r", stage.leaves(a="F", b="S"), Input(source=True))
         assert stage.tick(root) == "S: a=F b=S"
 
 
 class TestNonblockingSequence:
-    def test_it_ticks_all_children_also_those_that_have_succeeded_until_all_do_in_one_tick(self):
+    def test_all_children_are_ticked_until_all_succeed_in_one_tick(self):
         stage = Stage()
         root = NonblockingSequence("n", stage.leaves(a="R,S,S", b="S,R,S"))
         assert stage.ticks(root, 3) == ["R: a=R b=S", "R: a=S b=R", "S: a=S b=S"]
 
-    def test_a_failure_halts_the_others_and_ticks_none_behind(self):
+    def test_failure_halts_running_children_and_ticks_no_later_child(self):
         stage = Stage()
         root = NonblockingSequence("n", stage.leaves(a="R", b="F", c="S"))
         assert stage.tick(root) == "F: a=R b=F halt a"
 
-    def test_a_child_that_is_skipped_is_an_error(self):
+    def test_skipped_child_raises_error(self):
         stage = Stage()
         root = NonblockingSequence("n", stage.leaves(a="K"))
         with pytest.raises(
@@ -185,90 +185,94 @@ class TestNonblockingSequence:
 
 
 class TestPersistentSequence:
-    def persistent(self, stage, **children):
+    def make_sequence(self, stage, **children):
         return PersistentSequence("p", stage.leaves(**children), InOut(stage.entry("place")))
 
-    def test_its_place_is_on_the_blackboard_and_outlasts_a_halt(self):
+    def test_child_index_is_on_blackboard_and_survives_halt(self):
         stage = Stage(place=0)
-        root = self.persistent(stage, a="S", b="R,S")
+        root = self.make_sequence(stage, a="S", b="R,S")
         assert stage.tick(root) == "R: a=S b=R"
         assert stage.entry("place").read() == 1
         root.stop(Status.INVALID)
-        stage.told()
+        stage.new_events()
         assert stage.tick(root) == "S: b=S"
         assert stage.entry("place").read() == 0
 
-    def test_a_failure_begins_again_with_the_first_child(self):
+    def test_failure_resets_child_index(self):
         stage = Stage(place=1)
-        assert stage.tick(self.persistent(stage, a="S", b="F")) == "F: b=F"
+        assert stage.tick(self.make_sequence(stage, a="S", b="F")) == "F: b=F"
         assert stage.entry("place").read() == 0
 
-    def test_a_child_that_is_skipped_counts_as_a_success(self):
+    def test_skipped_child_counts_as_success(self):
         stage = Stage(place=0)
-        assert stage.tick(self.persistent(stage, a="K", b="K")) == "S: a=K b=K"
+        assert stage.tick(self.make_sequence(stage, a="K", b="K")) == "S: a=K b=K"
 
-    def test_a_place_before_the_first_child_is_an_error(self):
-        root = self.persistent(Stage(place=-1), a="S")
+    def test_negative_child_index_raises_error(self):
+        root = self.make_sequence(Stage(place=-1), a="S")
         with pytest.raises(Nav2ControlError, match="'p' cannot begin with child -1"):
             root.tick_once()
 
 
 class TestRateController:
-    def rated(self, stage, clock, answers, hz=2.0):
+    def make_controller(self, stage, clock, answers, hz=2.0):
         return RateController("rate", stage.leaf("a", answers), clock, Input(hz))
 
-    def in_pipeline(self, stage, clock, answers, hz=2.0):
-        """Under a node that ticks it again without a reset."""
-        return PipelineSequence("p", [self.rated(stage, clock, answers, hz), stage.leaf("b", "R")])
+    def make_pipeline(self, stage, clock, answers, hz=2.0):
+        """Return the controller below a node that ticks it again without a reset."""
+        return PipelineSequence("p", [self.make_controller(stage, clock, answers, hz), stage.leaf("b", "R")])
 
-    def test_its_child_is_ticked_at_the_start_and_again_when_the_period_is_over(self):
+    def test_child_is_ticked_at_start_and_after_each_period(self):
         stage, clock = Stage(), ManualClock()
-        root = self.in_pipeline(stage, clock, "S")
-        told = []
+        root = self.make_pipeline(stage, clock, "S")
+        results = []
         for _ in range(4):
-            told.append(stage.tick(root))
+            results.append(stage.tick(root))
             clock.advance(0.25)
-        assert told == ["R: a=S b=R", "R: b=R", "R: a=S b=R", "R: b=R"]
+        assert results == ["R: a=S b=R", "R: b=R", "R: a=S b=R", "R: b=R"]
 
-    def test_a_child_that_runs_is_ticked_in_every_tick(self):
+    def test_running_child_is_ticked_in_every_tick(self):
         stage = Stage()
-        assert stage.ticks(self.rated(stage, ManualClock(), "R,R,S"), 3) == ["R: a=R", "R: a=R", "S: a=S"]
+        assert stage.ticks(self.make_controller(stage, ManualClock(), "R,R,S"), 3) == [
+            "R: a=R",
+            "R: a=R",
+            "S: a=S",
+        ]
 
-    def test_a_rate_of_zero_ticks_it_once(self):
+    def test_rate_of_zero_ticks_child_once(self):
         stage, clock = Stage(), ManualClock()
-        root = self.in_pipeline(stage, clock, "S", hz=0.0)
+        root = self.make_pipeline(stage, clock, "S", hz=0.0)
         stage.tick(root)
         clock.advance(1e6)
         assert stage.tick(root) == "R: b=R"
 
-    def test_after_a_reset_it_ticks_its_child_at_once(self):
+    def test_child_is_ticked_immediately_after_reset(self):
         stage = Stage()
-        root = self.rated(stage, ManualClock(), "S")
+        root = self.make_controller(stage, ManualClock(), "S")
         assert stage.ticks(root, 2) == ["S: a=S", "S: a=S"]
 
 
 class TestSingleTrigger:
-    def test_its_child_ends_once_and_then_it_fails(self):
+    def test_trigger_fails_after_child_has_ended_once(self):
         stage = Stage()
         root = NonblockingSequence("n", [SingleTrigger("t", stage.leaf("a", "R,S,S")), stage.leaf("b", "R")])
         assert stage.ticks(root, 3) == ["R: a=R b=R", "R: a=S b=R", "F: halt b"]
 
-    def test_after_a_reset_its_child_may_end_again(self):
+    def test_child_may_end_again_after_reset(self):
         stage = Stage()
         root = SingleTrigger("t", stage.leaf("a", "F"))
         assert stage.ticks(root, 2) == ["F: a=F", "F: a=F"]
 
 
-def beside(stage, cls, world, child, other="R"):
-    """Put a decorator that asks the world where it is ticked again without a reset."""
+def pipeline_with_decorator(stage, cls, world, child, other="R"):
+    """Return a decorator with a query leaf, below a node that ticks it again without a reset."""
     decorator = cls("d", stage.leaf("a", child), stage.leaf("world", world))
     return PipelineSequence("p", [decorator, stage.leaf("b", other)])
 
 
-class TestWhatAsksTheWorld:
-    def test_what_is_due_now_and_then_asks_only_where_that_decides(self):
+class TestDecoratorsThatQueryTheRobot:
+    def test_speed_controller_makes_no_query_at_start_or_while_child_runs(self):
         stage = Stage()
-        root = beside(stage, WhenDue, "R,S", "S,R,S")
+        root = pipeline_with_decorator(stage, SpeedController, "R,S", "S,R,S")
         assert stage.ticks(root, 4) == [
             "R: a=S b=R",
             "R: world=R b=R",
@@ -276,9 +280,9 @@ class TestWhatAsksTheWorld:
             "R: a=S b=R",
         ]
 
-    def test_what_waits_for_a_distance_asks_in_every_tick_and_fails_without_a_pose(self):
+    def test_distance_controller_queries_every_tick_and_fails_without_pose(self):
         stage = Stage()
-        root = beside(stage, WhenDriven, "R,R,S,F", "S")
+        root = pipeline_with_decorator(stage, DistanceController, "R,R,S,F", "S")
         assert stage.ticks(root, 4) == [
             "R: world=R a=S b=R",
             "R: world=R b=R",
@@ -286,20 +290,20 @@ class TestWhatAsksTheWorld:
             "F: world=F halt b",
         ]
 
-    def test_a_path_cannot_be_longer_than_none(self):
+    def test_path_longer_on_approach_makes_no_query_in_first_tick(self):
         stage = Stage()
-        root = WhenPathIsLonger("d", stage.leaf("a", "R"), stage.leaf("world", "F,S"))
+        root = PathLongerOnApproach("d", stage.leaf("a", "R"), stage.leaf("world", "F,S"))
         assert stage.ticks(root, 3) == ["S:", "S: world=F", "R: world=S a=R"]
 
-    def test_a_path_that_is_no_longer_longer_leaves_its_child_running(self):
+    def test_path_longer_on_approach_does_not_halt_child_when_path_is_shorter(self):
         stage = Stage()
-        root = WhenPathIsLonger("d", stage.leaf("a", "R"), stage.leaf("world", "S,F,S"))
+        root = PathLongerOnApproach("d", stage.leaf("a", "R"), stage.leaf("world", "S,F,S"))
         assert stage.ticks(root, 4) == ["S:", "R: world=S a=R", "S: world=F", "R: world=S a=R"]
 
-    def test_a_pause_halts_the_work_and_a_resumption_begins_it_anew(self):
+    def test_pause_halts_child_and_resume_restarts_it(self):
         stage = Stage()
         children = stage.leaves(work="R", pause="R", on_pause="S", on_resume="S")
-        root = PausedOnRequest("p", children, stage.leaf("world", "S,F,S,R,S,S"))
+        root = PauseResumeController("p", children, stage.leaf("world", "S,F,S,R,S,S"))
         assert stage.ticks(root, 5) == [
             "R: world=S work=R",
             "R: world=F halt work on_pause=S",
@@ -308,12 +312,12 @@ class TestWhatAsksTheWorld:
             "R: world=S work=R",
         ]
 
-    def test_without_children_for_the_changes_a_pause_takes_a_tick_for_nothing(self):
+    def test_pause_and_resume_take_one_tick_each_without_event_children(self):
         stage = Stage()
-        root = PausedOnRequest("p", stage.leaves(work="R,S"), stage.leaf("world", "F,S,R,S"))
+        root = PauseResumeController("p", stage.leaves(work="R,S"), stage.leaf("world", "F,S,R,S"))
         assert stage.ticks(root, 4) == ["R: world=F", "R: world=S", "R: world=R", "R: world=S work=R"]
 
-    def test_a_request_to_resume_is_not_heard_while_nothing_is_paused(self):
+    def test_resume_request_is_ignored_unless_paused(self):
         stage = Stage()
-        root = PausedOnRequest("p", stage.leaves(work="S"), stage.leaf("world", "R"))
+        root = PauseResumeController("p", stage.leaves(work="S"), stage.leaf("world", "R"))
         assert stage.tick(root) == "S: world=R work=S"

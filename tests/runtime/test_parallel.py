@@ -1,4 +1,4 @@
-"""Parallels that count."""
+"""Tests of Parallel and ParallelAll with their counts."""
 
 import pytest
 from py_trees.common import Status
@@ -16,13 +16,13 @@ def parallel(stage, success_count=-1, failure_count=1, **outcomes):
     return Parallel("p", stage.leaves(**outcomes), Input(success_count), Input(failure_count))
 
 
-def test_children_behind_the_one_that_decides_are_not_ticked():
+def test_children_after_deciding_one_are_not_ticked():
     stage = Stage()
     assert stage.tick(parallel(stage, success_count=1, a="S", b="R")) == "S: a=S"
     assert stage.tick(parallel(stage, a="R", b="F", c="R")) == "F: a=R b=F halt a"
 
 
-def test_a_child_that_has_ended_is_not_ticked_again_and_the_progress_is_shown():
+def test_ended_child_is_not_ticked_again_and_progress_is_shown():
     stage = Stage()
     root = parallel(stage, success_count=2, failure_count=2, a="S", b="R,S", c="R")
     assert stage.tick(root) == "R: a=S b=R c=R"
@@ -31,36 +31,36 @@ def test_a_child_that_has_ended_is_not_ticked_again_and_the_progress_is_shown():
     assert root.feedback_message == "2 succeeded, 0 failed"
 
 
-def test_it_fails_as_soon_as_too_few_are_left():
+def test_parallel_fails_as_soon_as_too_few_children_are_left():
     stage = Stage()
     assert stage.tick(parallel(stage, success_count=2, failure_count=3, a="F", b="F", c="S")) == "F: a=F b=F"
 
 
-def test_a_skipped_child_counts_as_success_only_if_all_are_wanted():
+def test_skipped_child_counts_as_success_only_if_all_must_succeed():
     stage = Stage()
     assert stage.tick(parallel(stage, a="K", b="S")) == "S: a=K b=S"
     assert stage.tick(parallel(stage, success_count=2, a="K", b="S")) == "R: a=K b=S"
 
 
-def test_after_a_halt_it_counts_from_zero():
+def test_halted_parallel_counts_from_zero():
     stage = Stage()
     root = parallel(stage, failure_count=2, success_count=1, a="F,R", b="R", c="R")
     stage.tick(root)
     root.stop(Status.INVALID)
-    assert stage.told() == "halt b halt c"
+    assert stage.new_events() == "halt b halt c"
     assert stage.tick(root) == "R: a=R b=R c=R"
     assert root.feedback_message == "0 of 1"
 
 
 @pytest.mark.parametrize("counts", [{"success_count": 3}, {"failure_count": 3}])
-def test_a_count_that_cannot_be_reached_is_an_error_before_anything_is_ticked(counts):
+def test_unreachable_count_raises_error_before_any_child_is_ticked(counts):
     stage = Stage()
     with pytest.raises(ThresholdError, match=f"'p' waits for 3 .*Write at most 2 as {next(iter(counts))}"):
         parallel(stage, a="S", b="S", **counts).tick_once()
-    assert stage.told() == ""
+    assert stage.new_events() == ""
 
 
-def test_the_counts_are_read_from_the_blackboard_in_every_tick():
+def test_counts_are_read_from_blackboard_in_every_tick():
     stage = Stage(enough=2)
     root = Parallel("p", stage.leaves(a="S", b="R"), stage.port("enough"))
     assert stage.tick(root) == "R: a=S b=R"
@@ -68,44 +68,44 @@ def test_the_counts_are_read_from_the_blackboard_in_every_tick():
     assert stage.tick(root) == "S: halt b"
 
 
-def test_without_counts_all_must_succeed():
+def test_all_children_must_succeed_by_default():
     stage = Stage()
     assert stage.ticks(Parallel("p", stage.leaves(a="S", b="R,S")), 2) == ["R: a=S b=R", "S: b=S"]
 
 
-def test_parallel_all_ends_when_all_have_ended_and_fails_with_too_many_failures():
+def test_parallel_all_waits_for_all_children_and_limits_failures():
     stage = Stage()
     assert stage.ticks(ParallelAll("p", stage.leaves(a="F", b="R,S")), 2) == ["R: a=F b=R", "F: b=S"]
     assert stage.tick(ParallelAll("p", stage.leaves(a="F", b="S"), Input(2))) == "S: a=F b=S"
     assert stage.tick(ParallelAll("p", stage.leaves(a="F", b="F"), Input(-1))) == "F: a=F b=F"
 
 
-def test_parallel_all_with_no_failures_allowed_always_fails():
+def test_parallel_all_with_zero_as_max_failures_always_fails():
     stage = Stage()
     assert stage.tick(ParallelAll("p", stage.leaves(a="S", b="S"), Input(0))) == "F: a=S b=S"
 
 
-def test_parallel_all_is_skipped_if_all_children_are():
+def test_parallel_all_is_skipped_if_all_children_are_skipped():
     stage = Stage()
     root = ParallelAll("p", stage.leaves(a="K", b="K,R,S"))
     assert stage.ticks(root, 3) == ["K: a=K b=K", "R: a=K b=R", "S: a=K b=S"]
 
 
-def test_parallel_all_shows_how_many_have_ended():
+def test_parallel_all_shows_number_of_ended_children():
     stage = Stage()
     root = ParallelAll("p", stage.leaves(a="S", b="R", c="R"))
     stage.tick(root)
     assert root.feedback_message == "1 of 3"
 
 
-def test_parallel_all_cannot_allow_more_failures_than_it_has_children():
+def test_parallel_all_rejects_more_max_failures_than_children():
     stage = Stage()
     with pytest.raises(ThresholdError, match="Write at most 1 as max_failures"):
         ParallelAll("p", stage.leaves(a="S"), Input(2)).tick_once()
 
 
 @pytest.mark.parametrize("kind", [Parallel, ParallelAll])
-def test_of_a_hundred_children_each_is_ticked_until_it_has_ended(kind):
+def test_each_of_hundred_children_is_ticked_until_it_has_ended(kind):
     stage = Stage()
     outcomes = {f"c{number}": "S" if number % 3 else "R,S" for number in range(100)}
     limits = [Input(-1), Input(1)] if kind is Parallel else [Input(1)]

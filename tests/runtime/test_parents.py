@@ -1,4 +1,4 @@
-"""What all nodes with children have in common."""
+"""Tests of the behaviour that all nodes with children share."""
 
 import itertools
 from collections.abc import Iterator
@@ -29,24 +29,24 @@ Inverter = own("Inverter")
 SubTree = own("SubTree")
 
 
-def test_a_node_that_is_halted_halts_its_running_children_in_order():
+def test_halted_node_halts_running_descendants():
     stage = Stage()
     root = Sequence("s", memory=True, children=[stage.leaf("a"), Inverter("i", stage.leaf("b", "R"))])
     assert stage.tick(root) == "R: a=S b=R"
     root.stop(Status.INVALID)
-    assert stage.told() == "halt b"
+    assert stage.new_events() == "halt b"
     assert {node.status for node in root.iterate()} == {Status.INVALID}
 
 
-def test_a_node_that_does_not_run_is_halted_without_a_word():
+def test_halting_ended_node_halts_no_child():
     stage = Stage()
     root = Sequence("s", memory=True, children=stage.leaves(a="S", b="F"))
     stage.tick(root)
     root.stop(Status.INVALID)
-    assert stage.told() == ""
+    assert stage.new_events() == ""
 
 
-def test_a_skipped_tick_leaves_the_status_and_says_so():
+def test_skipped_tick_keeps_status_and_sets_skipped_flag():
     stage = Stage()
     root = Inverter("i", stage.leaf("a", "K,S"))
     assert stage.tick(root) == "K: a=K"
@@ -55,7 +55,7 @@ def test_a_skipped_tick_leaves_the_status_and_says_so():
     assert not root.skipped
 
 
-def test_what_a_leaf_raises_goes_through_and_the_tree_can_be_halted_afterwards():
+def test_exception_in_leaf_propagates_and_tree_can_be_halted():
     stage = Stage()
     root = composites.Parallel(
         "p",
@@ -67,15 +67,15 @@ def test_what_a_leaf_raises_goes_through_and_the_tree_can_be_halted_afterwards()
     )
     with pytest.raises(ScriptedError):
         root.tick_once()
-    stage.told()
+    stage.new_events()
     for node in root.iterate():
         if node.status == Status.RUNNING:
             node.stop(Status.INVALID)
-    assert stage.told() == "halt a"
+    assert stage.new_events() == "halt a"
     assert {node.status for node in root.iterate()} == {Status.INVALID}
 
 
-def test_the_tip_is_the_leaf_that_runs_or_the_node_that_has_ended():
+def test_tip_is_running_leaf_or_ended_node():
     stage = Stage()
     first = Inverter("i", stage.leaf("a", "R,F"))
     root = Sequence("s", memory=True, children=[first])
@@ -87,7 +87,7 @@ def test_the_tip_is_the_leaf_that_runs_or_the_node_that_has_ended():
     assert root.tip() is None
 
 
-def test_a_stock_composite_restarts_a_node_of_ours_that_it_has_not_reset():
+def test_py_trees_composite_restarts_own_node_without_reset():
     stage = Stage()
     root = composites.Selector(
         "stock", memory=False, children=[Fallback("f", memory=True, children=stage.leaves(a="F", b="F,S"))]
@@ -95,7 +95,7 @@ def test_a_stock_composite_restarts_a_node_of_ours_that_it_has_not_reset():
     assert stage.ticks(root, 2) == ["F: a=F b=F", "S: a=F b=S"]
 
 
-def test_every_node_that_is_ticked_is_yielded_children_first():
+def test_ticked_nodes_are_yielded_children_first():
     stage = Stage()
     root = Sequence(
         "s", memory=True, children=[Inverter("i", stage.leaf("a", "F")), SubTree("t", stage.leaf("b"))]
@@ -103,16 +103,16 @@ def test_every_node_that_is_ticked_is_yielded_children_first():
     assert [node.name for node in root.tick()] == ["a", "i", "b", "t", "s"]
 
 
-def test_to_stop_a_node_with_an_end_says_how_it_ended_and_halts_nobody():
+def test_stopping_node_with_final_status_sets_it_and_halts_no_child():
     stage = Stage()
     root = Inverter("i", stage.leaf("a", "R"))
     stage.tick(root)
     root.stop(Status.SUCCESS)
-    assert (root.status, root.update(), stage.told()) == (Status.SUCCESS, Status.SUCCESS, "")
+    assert (root.status, root.update(), stage.new_events()) == (Status.SUCCESS, Status.SUCCESS, "")
 
 
-class Telling(Behaviour):
-    """Succeeds, and forgets what it has told when it is halted."""
+class MessageLeaf(Behaviour):
+    """Sets a message, and replaces it when it is halted."""
 
     def __init__(self, name: str, answer: Status = Status.SUCCESS) -> None:
         super().__init__(name)
@@ -127,9 +127,9 @@ class Telling(Behaviour):
             self.feedback_message = "halted"
 
 
-def test_a_visitor_sees_each_node_as_it_was_after_its_own_tick():
+def test_visitor_sees_each_node_as_after_its_own_tick():
     stage = Stage()
-    ended, halted = Telling("a"), Telling("b", Status.RUNNING)
+    ended, halted = MessageLeaf("a"), MessageLeaf("b", Status.RUNNING)
     root = Parallel(
         "p", [Inverter("i", ended), SubTree("t", halted), stage.leaf("c", "F")], Input(2), Input(2)
     )
@@ -148,8 +148,8 @@ def test_a_visitor_sees_each_node_as_it_was_after_its_own_tick():
     ]
 
 
-def test_a_visitor_that_stops_the_tree_leaves_it_stopped():
-    leaf = Telling("a", Status.RUNNING)
+def test_tree_stopped_by_visitor_stays_stopped():
+    leaf = MessageLeaf("a", Status.RUNNING)
     root = Sequence("s", memory=True, children=[SubTree("t", leaf)])
     for node in root.tick():
         if node is leaf:
@@ -157,7 +157,7 @@ def test_a_visitor_that_stops_the_tree_leaves_it_stopped():
     assert {node.status for node in root.iterate()} == {Status.INVALID}
 
 
-def test_the_nodes_ticked_before_a_leaf_raised_are_shown():
+def test_nodes_ticked_before_exception_are_yielded():
     stage = Stage()
     root = Sequence("s", memory=True, children=[Inverter("i", stage.leaf("a", "F")), stage.leaf("b", "X")])
     ticked = root.tick()
@@ -167,7 +167,7 @@ def test_the_nodes_ticked_before_a_leaf_raised_are_shown():
     assert seen == [("a", "FAILURE"), ("i", "SUCCESS")]
 
 
-def test_children_that_come_later_are_ticked_as_well():
+def test_added_children_are_ticked_and_removed_ones_are_not():
     stage = Stage()
     root = Sequence("s", memory=True, children=[stage.leaf("a")])
     assert stage.tick(root) == "S: a=S"
@@ -177,7 +177,7 @@ def test_children_that_come_later_are_ticked_as_well():
     assert stage.tick(root) == "S: b=S"
 
 
-def test_a_node_ticked_by_itself_and_in_a_flat_tree_remembers_each_for_itself():
+def test_node_and_its_flat_tree_keep_separate_states():
     stage = Stage()
     root = SequenceWithMemory("s", children=stage.leaves(a="S", b="R"))
     flat, times = flatten(root), ClockTimes(lambda _: ManualClock())
@@ -185,53 +185,53 @@ def test_a_node_ticked_by_itself_and_in_a_flat_tree_remembers_each_for_itself():
     assert stage.ticks(root, 2) == ["R: a=S", "R: b=R"]
     before = cells_of(ticker)
     assert tick(flat, ticker) == RUNNING
-    assert (stage.told(), before) == ("a=S", cells_of(flat.ticker(times)))
+    assert (stage.new_events(), before) == ("a=S", cells_of(flat.ticker(times)))
     assert stage.tick(root) == "R: b=R"
 
 
-class Own(behaviour_class(OwnDecorator, TurningNode)):  # type: ignore[misc]
-    """A subclass without a builder of its own."""
+class OwnSubclass(behaviour_class(OwnDecorator, TurningNode)):  # type: ignore[misc]
+    """A subclass without its own builder."""
 
     turned = "FAILURE", "SUCCESS", "SKIPPED"
 
 
-def test_a_subclass_ticks_as_its_base_does():
+def test_subclass_ticks_like_its_base():
     stage = Stage()
-    assert stage.tick(Own("o", stage.leaf("a"))) == "F: a=S"
+    assert stage.tick(OwnSubclass("o", stage.leaf("a"))) == "F: a=S"
 
 
 class Unknown(Control):
-    """A control that nobody has said anything of."""
+    """A control without a builder."""
 
 
-def test_a_control_without_a_builder_is_refused_with_its_class():
+def test_control_without_builder_is_rejected_with_class():
     with pytest.raises(NotFlatError, match=r"'u' is a .*test_parents.Unknown"):
-        Unknown("u", [Telling("a")]).tick_once()
+        Unknown("u", [MessageLeaf("a")]).tick_once()
 
 
-def test_what_is_ticked_because_of_a_halt_is_not_shown():
+def test_nodes_ticked_during_halt_are_not_yielded():
     stage = Stage()
     tried = TryCatch("t", stage.leaves(b="R", catch="S"), Input(source=True))
     root = Parallel("p", [tried, stage.leaf("d", "F")])
     assert [node.name for node in root.tick()] == ["b", "t", "d", "p"]
-    assert stage.told() == "b=R d=F halt b catch=S"
+    assert stage.new_events() == "b=R d=F halt b catch=S"
 
 
-class Refusing(behaviour_class(OwnDecorator, SubTreeNode)):  # type: ignore[misc]
-    """Ticks as it likes."""
+class DecoratorWithOwnTick(behaviour_class(OwnDecorator, SubTreeNode)):  # type: ignore[misc]
+    """Overrides `tick`, and always fails."""
 
     def tick(self) -> Iterator[Behaviour]:
         self.status = Status.FAILURE
         yield self
 
 
-def test_a_child_with_a_tick_of_its_own_is_ticked_by_it():
+def test_overridden_tick_of_child_is_called():
     stage = Stage()
-    assert stage.tick(Inverter("i", Refusing("r", stage.leaf("a")))) == "S:"
+    assert stage.tick(Inverter("i", DecoratorWithOwnTick("r", stage.leaf("a")))) == "S:"
 
 
-class InTurn(Control):
-    """Ticks one child in each activation, whoever's turn it is, for half a second at most."""
+class RoundRobinControl(Control):
+    """Ticks one child in each activation, in turn, for half a second at most."""
 
     def __init__(self, name: str, children: list[Behaviour], clock: Clock) -> None:
         super().__init__(name, children)
@@ -256,25 +256,25 @@ class InTurn(Control):
         return outcome
 
 
-def test_a_control_of_a_users_goes_on_from_its_cells_and_keeps_those_that_outlast_an_end():
+def test_user_control_resumes_from_cells_and_keeps_persistent_ones():
     stage, clock = Stage(), ManualClock()
-    root = InTurn("t", stage.leaves(a="R,S", b="F,K,S"), clock)
+    root = RoundRobinControl("t", stage.leaves(a="R,S", b="F,K,S"), clock)
     assert stage.ticks(root, 5) == ["R: a=R", "S: a=S", "F: b=F", "S: a=S", "K: b=K"]
     assert root.feedback_message == "tick 1"
 
 
-def test_a_control_of_a_users_that_fails_for_its_time_halts_its_child_and_begins_again():
+def test_timed_out_user_control_halts_child_and_starts_over():
     stage, clock = Stage(), ManualClock()
-    root = InTurn("t", stage.leaves(a="R", b="S"), clock)
+    root = RoundRobinControl("t", stage.leaves(a="R", b="S"), clock)
     assert stage.ticks(root, 2) == ["R: a=R", "R: a=R"]
     clock.advance(0.5)
     assert stage.ticks(root, 2) == ["F: halt a", "R: a=R"]
     root.stop(Status.INVALID)
     clock.advance(0.4)
-    assert [stage.told(), *stage.ticks(root, 2)] == ["halt a", "R: a=R", "R: a=R"]
+    assert [stage.new_events(), *stage.ticks(root, 2)] == ["halt a", "R: a=R", "R: a=R"]
 
 
-def test_a_decorator_of_a_users_passes_on_what_its_child_answers():
+def test_user_decorator_returns_outcome_of_child():
     stage = Stage()
     assert stage.ticks(Decorator("d", stage.leaf("a", "R,F,K,S")), 4) == [
         "R: a=R",
@@ -289,13 +289,13 @@ def test_a_decorator_of_a_users_passes_on_what_its_child_answers():
 
 
 @pytest.mark.parametrize("value", [[1], {"a": 1}])
-def test_a_cell_holds_nothing_that_could_change_in_it(value):
+def test_cell_rejects_mutable_value(value):
     class Listing(Decorator):
         def begin(self, tick: Tick) -> Behaviour | Status:
             tick[self.cells[0]] = value
             return super().begin(tick)
 
-    listing = Listing("l", Telling("a"))
+    listing = Listing("l", MessageLeaf("a"))
     listing.cell()
     with pytest.raises(TypeError, match="unhashable"):
         listing.tick_once()

@@ -1,4 +1,4 @@
-"""Ports by themselves: constants and entries, read and written."""
+"""Tests of ports: constants and entries, reading and writing."""
 
 import pytest
 
@@ -11,12 +11,12 @@ def entry():
     return Scope(Board("Main")).resolve("x")
 
 
-def test_an_input_may_be_a_constant():
+def test_input_may_be_constant():
     port = Input(3)
     assert (port.get(), port.get(4), port.entry) == (3, 3, None)
 
 
-def test_an_input_reads_what_the_entry_holds_now(entry):
+def test_input_reads_current_value_of_entry(entry):
     port = Input(entry)
     entry.write(1)
     assert port.get() == 1
@@ -25,30 +25,30 @@ def test_an_input_reads_what_the_entry_holds_now(entry):
     assert port.entry is entry
 
 
-def test_an_input_has_a_default_only_while_nothing_is_written(entry):
+def test_input_uses_default_only_if_entry_is_unwritten(entry):
     port = Input(entry)
     assert port.get("default") == "default"
     entry.write(None)
     assert port.get("default") is None
 
 
-def test_none_is_a_default_as_any_other(entry):
+def test_none_is_valid_default(entry):
     assert Input(entry).get(None) is None
 
 
-def test_an_input_without_a_value_is_an_error_that_names_port_and_key(entry):
+def test_input_without_value_raises_error_with_port_and_key(entry):
     with pytest.raises(PortError, match=r"^speed: \{x\}: the key 'x' has no value yet$"):
         Input(entry, name="speed").get()
 
 
-def test_a_value_that_does_not_fit_is_an_error_even_where_there_is_a_default(entry):
+def test_unsuitable_value_raises_error_despite_default(entry):
     entry.write("fast")
     port = Input(entry, lambda value: float(str(value)), "speed")
     with pytest.raises(PortError, match=r"^speed: \{x\}: could not convert"):
         port.get(1.0)
 
 
-def test_an_output_writes_its_entry_or_nothing_at_all(entry):
+def test_output_writes_its_entry_or_nothing(entry):
     port: Output[int] = Output(entry)
     port.set(5)
     nowhere: Output[int] = Output()
@@ -59,7 +59,7 @@ def test_an_output_writes_its_entry_or_nothing_at_all(entry):
 @pytest.mark.parametrize(
     ("held", "given", "stored"), [(1.5, 2, 2.0), (1, 2.0, 2), (1, 2.5, 2.5), ("x", 2, 2), (1, True, 1)]
 )
-def test_a_number_that_a_port_writes_stays_whole_or_real_where_nothing_is_lost(entry, held, given, stored):
+def test_written_number_keeps_type_of_previous_value_if_lossless(entry, held, given, stored):
     entry.declare(float)
     entry.write(held)
     port: Output[object] = Output(entry)
@@ -68,7 +68,7 @@ def test_a_number_that_a_port_writes_stays_whole_or_real_where_nothing_is_lost(e
     assert type(entry.read()) is type(stored)
 
 
-def test_an_output_gives_its_type_to_an_entry_without_one(entry):
+def test_output_sets_type_of_untyped_entry(entry):
     entry.declare()
     entry.write("x")
     port: Output[int] = Output(entry, int)
@@ -76,7 +76,7 @@ def test_an_output_gives_its_type_to_an_entry_without_one(entry):
     assert (entry.read(), entry.kind) == (5, int)
 
 
-def test_what_a_subtree_passes_on_is_replaced_whatever_it_was():
+def test_output_through_remapping_replaces_value_of_any_type():
     main = Scope(Board("Main"))
     main.resolve("x").declare(float)
     main.resolve("x").write(1.5)
@@ -86,13 +86,13 @@ def test_what_a_subtree_passes_on_is_replaced_whatever_it_was():
     assert type(main.resolve("x").read()) is int
 
 
-def test_a_port_that_is_both_writes_what_it_reads(entry):
+def test_inout_port_writes_entry_that_it_reads(entry):
     port = InOut(entry)
     port.set(1)
     port.set(port.get() + 1)
     assert (port.get(), entry.stamp) == (2, 2)
 
 
-def test_a_port_that_is_both_cannot_write_a_constant():
+def test_inout_port_cannot_write_constant():
     with pytest.raises(PortError, match=r"count is a constant and cannot be written. Write a \{key\}"):
         InOut(1, name="count").set(2)

@@ -1,4 +1,4 @@
-"""Repeat and RetryUntilSuccessful."""
+"""Tests of Repeat and RetryUntilSuccessful."""
 
 import pytest
 from hypothesis import given
@@ -14,7 +14,7 @@ Repeat = own("Repeat")
 RetryUntilSuccessful = own("RetryUntilSuccessful")
 
 
-def test_repeat_pauses_between_cycles_of_one_tick_and_shows_which_one_it_is():
+def test_repeat_pauses_between_one_tick_cycles_and_shows_cycle():
     stage = Stage()
     root = stage.ready(Repeat("r", stage.leaf("a", "S"), Input(3)))
     assert stage.ticks(root, 2) == ["R: a=S", "R: a=S"]
@@ -23,7 +23,7 @@ def test_repeat_pauses_between_cycles_of_one_tick_and_shows_which_one_it_is():
     assert stage.woken == 2
 
 
-def test_repeat_starts_the_next_cycle_at_once_after_one_that_took_its_time():
+def test_repeat_starts_next_cycle_immediately_after_longer_one():
     stage = Stage()
     root = stage.ready(Repeat("r", stage.leaf("a", "R,S,R,S"), Input(2)))
     assert stage.ticks(root, 3) == ["R: a=R", "R: a=S a=R", "S: a=S"]
@@ -39,27 +39,27 @@ def test_repeat_starts_the_next_cycle_at_once_after_one_that_took_its_time():
         (RetryUntilSuccessful, -7, "F:"),
     ],
 )
-def test_no_times_at_all_end_without_a_tick_of_the_child(cls, times, answer):
+def test_count_of_zero_or_below_minus_one_ends_without_child_tick(cls, times, answer):
     stage = Stage()
     assert stage.tick(cls("r", stage.leaf("a"), Input(times))) == answer
 
 
 @pytest.mark.parametrize(("cls", "again"), [(Repeat, "S"), (RetryUntilSuccessful, "F")])
-def test_minus_one_never_ends(cls, again):
+def test_count_of_minus_one_never_ends(cls, again):
     stage = Stage()
     root = cls("r", stage.leaf("a", again), Input(-1))
     assert stage.ticks(root, 20) == [f"R: a={again}"] * 20
     assert root.feedback_message.endswith(" 20")
 
 
-def test_a_failure_ends_repeat_and_it_counts_from_zero_again():
+def test_failure_ends_repeat_and_resets_count():
     stage = Stage()
     root = Repeat("r", stage.leaf("a", "S,F,S"), Input(2))
     assert stage.ticks(root, 4) == ["R: a=S", "F: a=F", "R: a=S", "S: a=S"]
 
 
 @pytest.mark.parametrize(("cls", "again"), [(Repeat, "S"), (RetryUntilSuccessful, "F")])
-def test_after_a_halt_it_counts_from_zero(cls, again):
+def test_halt_resets_count(cls, again):
     stage = Stage()
     root = cls("r", stage.leaf("a", again), Input(2))
     stage.tick(root)
@@ -67,13 +67,13 @@ def test_after_a_halt_it_counts_from_zero(cls, again):
     assert stage.ticks(root, 2) == [f"R: a={again}", f"{again}: a={again}"]
 
 
-def test_a_child_that_is_skipped_while_it_runs_is_halted():
+def test_running_child_that_is_skipped_is_halted():
     stage = Stage()
     root = Repeat("r", stage.leaf("a", "R,K"), Input(2))
     assert stage.ticks(root, 2) == ["R: a=R", "K: a=K halt a"]
 
 
-def test_the_number_of_attempts_is_read_again_after_each_failure():
+def test_number_of_attempts_is_read_again_after_each_failure():
     stage = Stage(attempts=2)
 
     class Lowering(Scripted):
@@ -86,14 +86,14 @@ def test_the_number_of_attempts_is_read_again_after_each_failure():
     assert stage.tick(root) == "F: a=F"
 
 
-def test_a_number_that_nobody_wrote_is_an_error_that_names_the_key():
+def test_unwritten_count_raises_error_with_key():
     stage = Stage()
     with pytest.raises(PortError, match=r"\{attempts\}: the key .* has no value"):
         RetryUntilSuccessful("r", stage.leaf("a"), stage.port("attempts")).tick_once()
 
 
 @given(times=st.integers(1, 8), answers=st.lists(st.sampled_from("SR"), min_size=1, max_size=30))
-def test_repeat_succeeds_with_the_success_that_is_wanted_and_not_before(times, answers):
+def test_repeat_succeeds_after_exact_number_of_successes(times, answers):
     stage = Stage()
     root = Repeat("r", stage.leaf("a", ",".join([*answers, "S"])), Input(times))
     ticks = [stage.tick(root)]

@@ -1,4 +1,4 @@
-"""How scripts are read, what is said about those that cannot be, and what is known of them without running."""
+"""Tests of the parser of scripts: syntax, errors, and the static use of names."""
 
 import itertools
 
@@ -23,22 +23,24 @@ from sar_compiler.runtime.script import MAX_DEPTH, MAX_WORDS, _ScriptParser, par
 from sar_compiler.runtime.tokens import ScriptError
 
 
-def bracketed(expression):
-    """Write an expression with brackets around every part, so that it shows how the text was understood."""
+def with_parentheses(expression):
+    """Return the text of an expression with parentheses around every part, to show how it was parsed."""
     match expression:
         case Literal(value):
             return f"'{value}'" if isinstance(value, str) else repr(value)
         case Name(name):
             return name
         case Prefix(operator, operand):
-            return f"({operator}{bracketed(operand)})"
+            return f"({operator}{with_parentheses(operand)})"
         case Operation(first, steps) | ComparisonChain(first, steps):
-            rest = "".join(f" {step.operator} {bracketed(step.operand)}" for step in steps)
-            return f"({bracketed(first)}{rest})"
+            rest = "".join(f" {step.operator} {with_parentheses(step.operand)}" for step in steps)
+            return f"({with_parentheses(first)}{rest})"
         case Conditional(condition, then, otherwise):
-            return f"({bracketed(condition)} ? {bracketed(then)} : {bracketed(otherwise)})"
+            return (
+                f"({with_parentheses(condition)} ? {with_parentheses(then)} : {with_parentheses(otherwise)})"
+            )
         case Assignment(operator, target, value):
-            return f"({target.name} {operator} {bracketed(value)})"
+            return f"({target.name} {operator} {with_parentheses(value)})"
     raise AssertionError(expression)
 
 
@@ -46,8 +48,8 @@ def read(text):
     return parse(text).statements
 
 
-def understood(text):
-    return "; ".join(bracketed(statement) for statement in read(text))
+def parsed_text(text):
+    return "; ".join(with_parentheses(statement) for statement in read(text))
 
 
 def error_of(text, **arguments):
@@ -64,8 +66,8 @@ def outcome(text):
         return None, error
 
 
-def marked(text):
-    """Return what the error of a text points at."""
+def marked_text(text):
+    """Return the part of a text that its error marks."""
     error = error_of(text)
     return text[error.start : error.end]
 
@@ -91,7 +93,7 @@ def marked(text):
         ("false", 0.0),
     ],
 )
-def test_a_literal_has_the_value_that_it_says(text, value):
+def test_literal_is_parsed_as_value(text, value):
     (literal,) = parse(text).statements
     assert isinstance(literal, Literal)
     assert literal == Literal(value, start=0, end=len(text))
@@ -99,7 +101,7 @@ def test_a_literal_has_the_value_that_it_says(text, value):
 
 
 @pytest.mark.parametrize("name", ["x", "_x1", "@x", "@_1", "True", "trueish", "and", "or", "not"])
-def test_a_name_is_letters_digits_and_underscores_maybe_behind_an_at_sign(name):
+def test_name_is_optional_at_sign_with_letters_digits_and_underscores(name):
     assert parse(name).statements == (Name(name, start=0, end=len(name)),)
 
 
@@ -132,16 +134,16 @@ def test_a_name_is_letters_digits_and_underscores_maybe_behind_an_at_sign(name):
         ("1.5..'m'", "(1.5 .. 'm')"),
     ],
 )
-def test_operators_bind_as_in_behavior_tree_cpp(text, meaning):
-    assert understood(text) == meaning
+def test_operator_precedence_is_that_of_behaviortree_cpp(text, meaning):
+    assert parsed_text(text) == meaning
 
 
 @pytest.mark.parametrize("text", ["a:=1;b:=2", "a:=1 b:=2", "a:=1;;\n;b:=2;", "a:=1\tb:=2\r\n"])
-def test_semicolons_may_be_left_out_and_may_be_many(text):
-    assert understood(text) == "(a := 1); (b := 2)"
+def test_semicolons_may_be_omitted_or_repeated(text):
+    assert parsed_text(text) == "(a := 1); (b := 2)"
 
 
-def test_every_expression_knows_where_it_stands_brackets_included():
+def test_every_expression_has_location_including_parentheses():
     text = "x := (a + 1) * -b;  (c) ? 'd' : e < 2"
     first, second = read(text)
     assert text[first.start : first.end] == "x := (a + 1) * -b"
@@ -156,7 +158,7 @@ def test_every_expression_knows_where_it_stands_brackets_included():
 
 
 @pytest.mark.parametrize("text", ["", " \t\n"])
-def test_a_script_without_expressions_is_an_error_unless_the_caller_wants_it(text):
+def test_empty_script_raises_error_unless_allowed(text):
     assert "empty" in error_of(text).message
     assert parse(text, allow_empty=True).statements == ()
 
@@ -182,8 +184,8 @@ def test_a_script_without_expressions_is_an_error_unless_the_caller_wants_it(tex
         ("x * .5", ".5", "0.5"),
     ],
 )
-def test_what_can_be_mended_is_shown_with_what_to_write_instead(text, mark, suggestion):
-    assert (marked(text), error_of(text).suggestion) == (mark, suggestion)
+def test_fixable_error_is_marked_with_suggestion(text, mark, suggestion):
+    assert (marked_text(text), error_of(text).suggestion) == (mark, suggestion)
 
 
 @pytest.mark.parametrize(
@@ -240,51 +242,51 @@ def test_what_can_be_mended_is_shown_with_what_to_write_instead(text, mark, sugg
         (":= 1", ":=", "only variables"),
     ],
 )
-def test_a_mistake_is_pointed_at_and_explained(text, mark, said):
+def test_error_is_marked_and_explained(text, mark, said):
     error = error_of(text)
-    assert marked(text) == mark
+    assert marked_text(text) == mark
     assert said in f"{error.message}; {error.hint}"
 
 
 @pytest.mark.parametrize("text", ["and := 1", "a; or = 2", "a or := 2", "not := a", "x := and", "f (x)"])
-def test_what_looks_like_another_language_but_is_a_script_is_read(text):
+def test_valid_script_resembling_other_language_is_parsed(text):
     assert parse(text).statements
 
 
 @pytest.mark.parametrize("opening", ["(", "-", "a := ", "a ? b : ", "1 || 1 && 1 < 1 | 1 & 1 + 1 * ("])
-def test_nesting_ends_with_a_message_that_says_how_deep_is_too_deep(opening):
+def test_too_deep_nesting_raises_error_with_limit(opening):
     error = error_of(opening * 5_000 + "1")
     assert str(MAX_DEPTH) in error.message
 
 
-def test_what_would_be_evaluated_too_deeply_is_refused_even_if_its_brackets_are_few():
+def test_too_deep_evaluation_is_rejected_despite_few_parentheses():
     text = "a"
     for _ in range(MAX_DEPTH // 2):
         text = f"({text} * b + c | d)"
     assert str(MAX_DEPTH) in error_of(text).message
 
 
-def test_nesting_up_to_the_limit_is_read():
+def test_nesting_up_to_limit_is_parsed():
     deep = MAX_DEPTH - 1
-    assert understood("(" * deep + "a" + ")" * deep) == "a"
+    assert parsed_text("(" * deep + "a" + ")" * deep) == "a"
 
 
-def test_a_sum_may_be_as_long_as_somebody_likes():
+def test_sum_of_20000_terms_is_parsed():
     (total,) = read("+".join(["a"] * 20_000))
     assert len(total.steps) == 19_999
 
 
-def test_there_is_an_end_to_how_long_a_script_may_be():
+def test_number_of_tokens_is_limited():
     error = error_of("+".join(["a"] * 10_000_000))
     assert error.message == f"the script has more than {MAX_WORDS:,} numbers, strings, names and signs"
     assert error.start == MAX_WORDS
 
 
-def test_a_script_may_have_thousands_of_expressions():
+def test_script_may_have_thousands_of_statements():
     assert len(parse("a := b + 1; " * 5000).statements) == 5000
 
 
-def test_names_are_listed_in_the_order_in_which_a_run_comes_to_them():
+def test_name_uses_are_listed_in_order_of_evaluation():
     uses = [(use.access, use.name, use.start, use.end) for use in name_uses(parse("x := y + @z; x += RED"))]
     assert uses == [
         (Access.READ, "y", 5, 6),
@@ -307,11 +309,11 @@ def test_names_are_listed_in_the_order_in_which_a_run_comes_to_them():
         ("a ? x := b : 0", "a"),
     ],
 )
-def test_only_branches_and_the_ends_of_chains_are_not_certain_to_be_reached(text, certain):
+def test_name_uses_in_branches_and_chain_ends_are_not_certain(text, certain):
     assert "".join(use.name for use in name_uses(parse(text)) if use.certain) == certain
 
 
-def test_a_script_says_whether_its_value_is_that_of_an_assignment():
+def test_closing_assignment_is_last_statement_if_it_assigns():
     closing = parse("level == 1; level = 2").closing_assignment
     assert closing is not None
     assert (closing.operator, closing.target.name) == ("=", "level")
@@ -345,7 +347,7 @@ def chains(kind, operators, parts):
     return st.builds(kind, parts, steps.map(tuple), **NOWHERE)
 
 
-def larger(parts):
+def compound_expressions(parts):
     ranks = [["||"], ["&&"], ["|", "^"], ["&"], ["+", "-", ".."], ["*", "/"]]
     return st.one_of(
         st.builds(Prefix, st.sampled_from("-~!"), parts, **NOWHERE),
@@ -358,15 +360,15 @@ def larger(parts):
     )
 
 
-expressions = st.recursive(literals() | names(), larger, max_leaves=12)
+expressions = st.recursive(literals() | names(), compound_expressions, max_leaves=12)
 
 
 @given(st.lists(expressions, min_size=1, max_size=3))
-def test_what_is_written_with_all_its_brackets_is_read_as_what_it_was(statements):
-    text = ";".join(bracketed(statement) for statement in statements)
+def test_fully_parenthesized_script_round_trips(statements):
+    text = ";".join(with_parentheses(statement) for statement in statements)
     script = parse(text)
     assert script == Script("", tuple(statements))
-    assert ";".join(bracketed(statement) for statement in script.statements) == text
+    assert ";".join(with_parentheses(statement) for statement in script.statements) == text
 
 
 SCRAPS = [
@@ -416,7 +418,7 @@ SIGNS = [
 
 
 @given(st.text() | st.lists(st.sampled_from(SCRAPS + SIGNS), max_size=25).map("".join))
-def test_any_text_is_a_script_or_has_an_error_within_it(text):
+def test_any_text_is_parsed_or_has_error_within_it(text):
     script, error = outcome(text)
     if error is None:
         assert script.statements
@@ -426,7 +428,7 @@ def test_any_text_is_a_script_or_has_an_error_within_it(text):
 
 
 @given(st.lists(st.sampled_from(SCRAPS + SIGNS), max_size=25).map("".join))
-def test_expressions_cover_the_text_in_order_and_apart(text):
+def test_statements_are_in_order_and_do_not_overlap(text):
     script, error = outcome(text)
     if error is None:
         places = [(statement.start, statement.end) for statement in script.statements]
@@ -468,7 +470,7 @@ SIMPLE = st.tuples(
 
 
 def outcome_of(read, text):
-    """Return what is read of a text, with all places, or what is said of its mistake."""
+    """Return what `read` returns for a text, with all locations, or the contents of its error."""
     try:
         return repr(read(text))
     except ScriptError as error:
@@ -476,15 +478,15 @@ def outcome_of(read, text):
 
 
 @given(SIMPLE.map("".join))
-def test_a_script_of_one_operator_is_read_as_any_other(text):
+def test_fast_path_for_one_operator_matches_general_parser(text):
     assert outcome_of(parse, text) == outcome_of(lambda text: _ScriptParser(text).script(), text)
 
 
-def test_expressions_at_other_locations_are_equal():
+def test_expressions_at_different_locations_are_equal():
     one, other = parse("x := y + 1").statements, parse(" x  :=  y + 1").statements
     assert one == other
     assert hash(one) == hash(other)
 
 
-def test_a_name_differs_from_a_string_of_the_same_text():
+def test_name_differs_from_string_with_same_text():
     assert Name("a", start=0, end=1) != Literal("a", start=0, end=1)

@@ -1,4 +1,4 @@
-"""The quick form of a script does what `Program` does, which is the measure of it: value, board, error."""
+"""Tests that the fast form of a script gives the same value, board and error as `Program`, which is the reference."""
 
 import enum
 import functools
@@ -49,7 +49,7 @@ KINDS = [None, None, bool, int, float, str]
 
 
 def expression(chance: random.Random, depth: int) -> str:
-    """Return an expression, most of which make sense."""
+    """Return a random expression. Most of them are meaningful."""
     form = chance.random()
     if depth == 0 or form < 0.25:
         return chance.choice([*NAMES, *NAMES, *WORDS, chance.choice(TEXTS)])
@@ -67,7 +67,7 @@ def expression(chance: random.Random, depth: int) -> str:
 
 
 def statement(chance: random.Random) -> str:
-    """Return a statement."""
+    """Return a random statement."""
     value = expression(chance, chance.randrange(4))
     if chance.random() < 0.4:
         return value
@@ -75,7 +75,7 @@ def statement(chance: random.Random) -> str:
 
 
 def contents(chance: random.Random) -> dict[str, tuple[bool, object, bool, type | None]]:
-    """Return for each entry whether it is written, with what, and whether it is declared, with which type."""
+    """Return for each entry whether it is written, its value, whether it is declared, and its type."""
     usual = NUMBERS if chance.random() < 0.6 else [*NUMBERS, *STRANGE, *HUGE, *OTHERS]
     return {
         name: (chance.random() < 0.9, chance.choice(usual), chance.random() < 0.7, chance.choice(KINDS))
@@ -83,8 +83,8 @@ def contents(chance: random.Random) -> dict[str, tuple[bool, object, bool, type 
     }
 
 
-class Place:
-    """A board, and what was written to it."""
+class FilledBoard:
+    """A board with given contents."""
 
     def __init__(self, held):
         self.scope = Scope(Board("place"))
@@ -104,14 +104,14 @@ class Place:
         return repr(board.values()), stamps, kinds
 
 
-def quick_form(program, place, condition=None):
-    """Return the quick form of a program."""
+def fast_script(program, place, condition=None):
+    """Return the fast form of a program."""
     usual = [functools.partial(each, place.variables) for each in program.statements]
     return compile_fast_script(program.script, place.variables.entry, ENUMS.numbers, usual, condition)
 
 
 def outcome(run):
-    """Return what comes of a run: a value with its type, or an error with all that it says."""
+    """Return the result of an evaluation: a value with its type, or the contents of an error."""
     try:
         value = run()
     except EvaluationError as error:
@@ -121,7 +121,7 @@ def outcome(run):
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("is_condition", [False, True])
-def test_random_scripts_on_random_boards_do_what_the_evaluator_says(is_condition):
+def test_fast_form_of_random_scripts_matches_evaluator(is_condition):
     chance = random.Random(f"{is_condition}")  # noqa: S311 - a test that is the same every time
     done = 0
     while done < PROGRAMS // 2:
@@ -132,16 +132,16 @@ def test_random_scripts_on_random_boards_do_what_the_evaluator_says(is_condition
             continue
         done += 1
         held = contents(chance)
-        here, there = Place(held), Place(held)
-        quick = quick_form(program, here, program.as_condition if is_condition else None)
+        here, there = FilledBoard(held), FilledBoard(held)
+        compiled = fast_script(program, here, program.as_condition if is_condition else None)
         whole = functools.partial(program.holds if is_condition else program.run, there.variables)
         for _ in range(3):
-            assert outcome(quick) == outcome(whole), (text, held)
+            assert outcome(compiled) == outcome(whole), (text, held)
             assert here.state() == there.state(), (text, held)
 
 
-def unusual():
-    """Evaluate nothing: the quick form has to do."""
+def fail_on_fallback():
+    """Fail, because the fast form must not fall back."""
     raise AssertionError
 
 
@@ -164,33 +164,33 @@ def unusual():
         ("~a | 6 ^ 1", {"a": 0}, -2.0),
     ],
 )
-def test_usual_values_are_calculated_with_in_the_quick_form(text, held, value):
-    place = Place({name: (True, each, True, None) for name, each in held.items()})
+def test_common_values_are_evaluated_without_fallback(text, held, value):
+    place = FilledBoard({name: (True, each, True, None) for name, each in held.items()})
     program = Program(parse(text), ENUMS.numbers)
-    usual = [unusual] * len(program.script.statements)
-    quick = compile_fast_script(program.script, place.variables.entry, ENUMS.numbers, usual)
-    assert quick is not None
-    assert repr(quick()) == repr(value)
+    usual = [fail_on_fallback] * len(program.script.statements)
+    compiled = compile_fast_script(program.script, place.variables.entry, ENUMS.numbers, usual)
+    assert compiled is not None
+    assert repr(compiled()) == repr(value)
 
 
-def test_scripts_that_differ_in_names_and_constants_share_their_code():
-    place = Place({})
-    first, second = (quick_form(Program(parse(text)), place) for text in ("a := a * 2", "b := b * 0.5"))
+def test_scripts_differing_in_names_and_constants_share_code():
+    place = FilledBoard({})
+    first, second = (fast_script(Program(parse(text)), place) for text in ("a := a * 2", "b := b * 0.5"))
     assert first.__code__ is second.__code__
 
 
-def words_in(code):
-    """Yield all names and constants of code."""
+def names_and_constants_in(code):
+    """Yield all names and constants of a code object."""
     yield from (*code.co_names, *code.co_varnames, *code.co_freevars, *code.co_cellvars)
     for each in code.co_consts:
-        yield from words_in(each) if isinstance(each, types.CodeType) else [each]
+        yield from names_and_constants_in(each) if isinstance(each, types.CodeType) else [each]
 
 
-def test_nothing_that_a_file_says_gets_into_the_code():
+def test_generated_code_contains_no_text_of_script():
     text = "__import__ := 'os'; system = 1234 + __builtins__ .. 'rm'; open > 5678 ? 'x' : eval"
-    place = Place({})
-    quick = quick_form(Program(parse(text), {"eval": 9}), place, bool)
-    words = {str(each) for each in words_in(quick.__code__)}
+    place = FilledBoard({})
+    compiled = fast_script(Program(parse(text), {"eval": 9}), place, bool)
+    words = {str(each) for each in names_and_constants_in(compiled.__code__)}
     assert not words & {
         "__import__",
         "os",
@@ -204,13 +204,13 @@ def test_nothing_that_a_file_says_gets_into_the_code():
         "eval",
         "9",
     }
-    assert quick.__globals__["__builtins__"] == {}
+    assert compiled.__globals__["__builtins__"] == {}
 
 
-def test_a_script_with_hundreds_of_operators_is_evaluated_in_the_usual_way():
-    place = Place({"a": (True, 1.0, True, None)})
+def test_script_with_hundreds_of_operators_falls_back_to_evaluator():
+    place = FilledBoard({"a": (True, 1.0, True, None)})
     program = Program(parse(" + ".join(["a"] * 300)))
-    assert quick_form(program, place) is None
+    assert fast_script(program, place) is None
     assert NodeScript(Input(program.script), "node", "code", place.scope, ENUMS).run() == 300.0
 
 
@@ -227,26 +227,26 @@ def test_a_script_with_hundreds_of_operators_is_evaluated_in_the_usual_way():
         "({}) && a",
     ],
 )
-def test_the_code_of_nested_operators_grows_no_faster_than_the_script(form):
+def test_generated_code_grows_linearly_with_nesting(form):
     text = "a"
     for _ in range(MAX_DEPTH // 5):
         text = form.format(text)
-    place = Place({"a": (True, 0.5, True, None)})
+    place = FilledBoard({"a": (True, 0.5, True, None)})
     program = Program(parse(text))
-    quick = quick_form(program, place)
-    assert outcome(quick) == outcome(lambda: program.run(place.variables))
-    assert len(quick.__code__.co_code) < 100 * len(text)
+    compiled = fast_script(program, place)
+    assert outcome(compiled) == outcome(lambda: program.run(place.variables))
+    assert len(compiled.__code__.co_code) < 100 * len(text)
 
 
 @pytest.mark.parametrize("signs", ["!", "-", "!-", "-~"])
-def test_code_is_made_of_the_deepest_script_there_is(signs):
-    place = Place({"a": (True, 0.5, True, None)})
+def test_deepest_allowed_script_has_fast_form(signs):
+    place = FilledBoard({"a": (True, 0.5, True, None)})
     program = Program(parse(signs * ((MAX_DEPTH - 1) // len(signs)) + "a"))
-    assert outcome(quick_form(program, place)) == outcome(lambda: program.run(place.variables))
+    assert outcome(fast_script(program, place)) == outcome(lambda: program.run(place.variables))
 
 
-def test_an_entry_that_comes_and_goes_between_two_runs_is_found_and_missed():
-    place = Place({"a": (True, 1, False, None)})
+def test_script_notices_removed_and_rewritten_entry_between_runs():
+    place = FilledBoard({"a": (True, 1, False, None)})
     script = NodeScript(Input(parse("a = a + 1")), "node", "code", place.scope, ENUMS)
     assert script.run() == 2
     place.scope.resolve("a").remove()
@@ -256,8 +256,8 @@ def test_an_entry_that_comes_and_goes_between_two_runs_is_found_and_missed():
     assert script.run() == 6
 
 
-def test_a_board_that_becomes_numbered_is_written_there():
-    place = Place({"a": (True, 1, True, None)})
+def test_script_writes_to_board_after_it_became_numbered():
+    place = FilledBoard({"a": (True, 1, True, None)})
     script = NodeScript(Input(parse("a = a + 1")), "node", "code", place.scope, ENUMS)
     script.run()
     NumberedBoard.from_board(place.scope.board, EntryCells())

@@ -1,4 +1,4 @@
-"""Nodes that run scripts, and what is said when one cannot be run."""
+"""Tests of nodes that run scripts, and of their errors."""
 
 import pytest
 from py_trees.common import Status
@@ -21,48 +21,48 @@ def run(stage, text, scope=None):
     RunScript("run", stage.code(text), scope or stage.scope, stage.enums).tick_once()
 
 
-def test_a_script_makes_changes_and_reads_entries():
+def test_script_reads_and_writes_entries():
     stage = Stage(i=3, flag=True)
     run(stage, "n := i + 1; i += 2; f := flag == 1; c := BLUE")
     assert stage.values == {"i": 5, "flag": True, "n": 4.0, "f": 1.0, "c": 2.0}
     assert type(stage.values["i"]) is int
 
 
-def test_an_entry_keeps_its_type_when_a_script_writes_it():
+def test_entry_written_by_script_keeps_its_type():
     stage = Stage(flag=True, text="x")
     run(stage, "flag := 0; text += 'y'")
     assert stage.values == {"flag": False, "text": "xy"}
     assert type(stage.values["flag"]) is bool
 
 
-def test_an_entry_that_a_port_has_named_needs_no_other_maker():
+def test_declared_entry_can_be_assigned_without_creating_it():
     stage = Stage()
     stage.entry("n").declare(int)
     run(stage, "n = 1.5")
     assert stage.values == {"n": 1.5}
 
 
-def test_a_text_given_to_an_entry_with_a_type_is_read_as_one_of_it():
+def test_string_assigned_to_typed_entry_is_parsed_as_its_type():
     stage = Stage()
     stage.entry("n").declare(int)
     run(stage, "n := '5'; m := n")
     assert stage.values == {"n": 5, "m": 5}
 
 
-def test_a_text_given_to_a_number_without_a_type_of_its_own_is_a_real_number():
+def test_string_assigned_to_untyped_number_becomes_float():
     stage = Stage()
     run(stage, "n := 1; n = '5'; m := 1; m = 'RED'")
     assert stage.values == {"n": 5.0, "m": 1.0}
     assert {type(value) for value in stage.values.values()} == {float}
 
 
-def test_a_truth_value_is_a_whole_number_to_a_script():
+def test_bool_is_read_as_integer():
     stage = Stage(flag=True)
     run(stage, "n := flag")
     assert type(stage.values["n"]) is int
 
 
-def test_a_script_may_count_on_from_a_truth_value():
+def test_bool_entry_accepts_integers_but_no_fractions():
     stage = Stage(seen=True)
     stage.entry("seen").declare(bool)
     run(stage, "seen := seen + 1")
@@ -73,13 +73,13 @@ def test_a_script_may_count_on_from_a_truth_value():
         run(stage, "seen := 0.5")
 
 
-def test_a_script_in_a_subtree_writes_its_own_entries_and_those_of_the_root_with_a_sign():
+def test_script_in_subtree_writes_own_entries_and_root_entries_with_at_sign():
     stage = Stage()
     run(stage, "x := 1; @y := 2", Scope(stage.scope.board, "sub", stage.scope))
     assert stage.values == {"sub/x": 1, "y": 2}
 
 
-def test_every_assignment_counts_as_an_update():
+def test_every_assignment_counts_as_update():
     stage = Stage(k=1)
     before = stage.entry("k").stamp
     run(stage, "k = 1; k := 1")
@@ -98,7 +98,7 @@ def test_every_assignment_counts_as_an_update():
         ("thing + 1", "'run': code, column 1: 'thing' has a value of type object"),
     ],
 )
-def test_a_script_that_cannot_be_run_says_which_node_and_where(text, message):
+def test_failing_script_reports_node_and_location(text, message):
     stage = Stage(thing=object())
     with pytest.raises(NodeScriptError) as caught:
         run(stage, text)
@@ -106,20 +106,20 @@ def test_a_script_that_cannot_be_run_says_which_node_and_where(text, message):
     assert (caught.value.node, caught.value.attribute) == ("run", "code")
 
 
-def test_what_came_before_the_mistake_stays():
+def test_assignments_before_error_are_kept():
     stage = Stage()
     with pytest.raises(NodeScriptError):
         run(stage, "a := 1; nope = 3")
     assert stage.values == {"a": 1}
 
 
-def test_an_empty_script_does_nothing_and_is_no_condition():
+def test_empty_script_succeeds():
     stage = Stage()
     empty = Input(parse("", allow_empty=True))
     assert stage.tick(RunScript("run", empty, stage.scope, stage.enums)) == "S:"
 
 
-def test_a_script_from_the_blackboard_is_read_whenever_it_is_run():
+def test_script_on_blackboard_is_read_in_every_tick():
     stage = Stage(code="a := 1")
     node = RunScript("run", stage.code_in("code"), stage.scope, stage.enums)
     node.tick_once()
@@ -129,7 +129,7 @@ def test_a_script_from_the_blackboard_is_read_whenever_it_is_run():
 
 
 @pytest.mark.parametrize(("code", "what"), [("a :=", "{code}"), ((7,), "is not a script")])
-def test_what_is_no_script_on_the_blackboard_is_an_error_that_names_the_node(code, what):
+def test_invalid_script_on_blackboard_raises_error_with_node(code, what):
     stage = Stage(code=code)
     with pytest.raises(NodeScriptError) as caught:
         RunScript("run", stage.code_in("code"), stage.scope, stage.enums).tick_once()
@@ -138,12 +138,12 @@ def test_what_is_no_script_on_the_blackboard_is_an_error_that_names_the_node(cod
 
 
 @pytest.mark.parametrize(("code", "ended"), [(1, "S:"), (0, "F:"), (1.0, "S:"), (True, "S:")])
-def test_a_number_on_the_blackboard_is_read_as_the_script_of_its_text(code, ended):
+def test_number_on_blackboard_is_used_as_script(code, ended):
     stage = Stage(code=code)
     assert stage.tick(ScriptCondition("c", stage.code_in("code"), stage.scope, stage.enums)) == ended
 
 
-def test_a_condition_is_true_or_false_and_no_other_whole_number():
+def test_condition_accepts_truth_values_but_no_other_integer():
     stage = Stage(x=2)
     conditions = [
         ScriptCondition("c", stage.code(text), stage.scope, stage.enums) for text in ("x > 1", "x > 3")
@@ -157,7 +157,7 @@ def precondition(stage, outcomes, **more):
     return Precondition("p", stage.leaf("a", outcomes), stage.code("x > 0"), stage.scope, stage.enums, **more)
 
 
-def test_a_precondition_is_not_asked_while_its_child_runs():
+def test_precondition_is_not_evaluated_while_child_runs():
     stage = Stage(x=1)
     root = precondition(stage, "R,R,S")
     stage.tick(root)
@@ -167,23 +167,23 @@ def test_a_precondition_is_not_asked_while_its_child_runs():
 
 
 @pytest.mark.parametrize("outcome", ReturnedStatus)
-def test_a_false_precondition_gives_the_answer_that_was_chosen(outcome):
+def test_false_precondition_returns_configured_outcome(outcome):
     stage = Stage(x=0)
     letter = "K" if outcome is ReturnedStatus.SKIPPED else outcome.name[0]
     assert stage.tick(precondition(stage, "S", else_=Input(outcome))) == f"{letter}:"
 
 
-def test_a_precondition_is_asked_again_after_a_halt():
+def test_precondition_is_evaluated_again_after_halt():
     stage = Stage(x=1)
     root = precondition(stage, "R")
     stage.tick(root)
     root.stop(Status.INVALID)
-    assert stage.told() == "halt a"
+    assert stage.new_events() == "halt a"
     stage.entry("x").write(0)
     assert stage.tick(root) == "F:"
 
 
-def test_a_precondition_is_asked_again_after_its_child_was_skipped():
+def test_precondition_is_evaluated_again_after_child_was_skipped():
     stage = Stage(x=1)
     root = precondition(stage, "K,S")
     assert stage.tick(root) == "K: a=K"
@@ -191,7 +191,7 @@ def test_a_precondition_is_asked_again_after_its_child_was_skipped():
     assert stage.tick(root) == "F:"
 
 
-def test_an_entry_that_holds_nothing_is_no_variable():
+def test_entry_holding_none_is_no_variable():
     stage = Stage(x=None)
     with pytest.raises(NodeScriptError, match="there is no variable 'x'"):
         run(stage, "y := x")
@@ -200,9 +200,7 @@ def test_an_entry_that_holds_nothing_is_no_variable():
 @pytest.mark.parametrize(
     ("leaf", "text"), [(RunScript, "n := n + 1; n"), (ScriptCondition, "(n := n + 1) > 0")]
 )
-def test_a_leaf_with_a_script_calls_nothing_but_its_quick_form_from_its_second_tick_on(
-    leaf, text, monkeypatch
-):
+def test_script_leaf_does_not_call_update_from_second_tick_on(leaf, text, monkeypatch):
     stage = Stage(n=1)
     node = leaf("s", stage.code(text), stage.scope, stage.enums)
     node.tick_once()
@@ -211,7 +209,7 @@ def test_a_leaf_with_a_script_calls_nothing_but_its_quick_form_from_its_second_t
     assert (node.status, stage.values) == (Status.SUCCESS, {"n": 3})
 
 
-def test_a_condition_answers_anew_in_each_tick():
+def test_condition_is_evaluated_in_every_tick():
     stage = Stage(n=1)
     node = ScriptCondition("s", stage.code("n == 1"), stage.scope, stage.enums)
     answers = []
@@ -222,29 +220,29 @@ def test_a_condition_answers_anew_in_each_tick():
     assert answers == [Status.SUCCESS, Status.FAILURE, Status.FAILURE, Status.SUCCESS]
 
 
-def test_whoever_has_put_something_around_the_update_of_a_script_stays_there(monkeypatch):
+def test_overridden_or_wrapped_update_of_script_leaf_is_still_called(monkeypatch):
     stage, called = Stage(n=1), []
 
-    class Telling(RunScript):
+    class RecordingScript(RunScript):
         def update(self):
             called.append("class")
             return super().update()
 
-    derived = Telling("s", stage.code("n += 1"), stage.scope, stage.enums)
+    derived = RecordingScript("s", stage.code("n += 1"), stage.scope, stage.enums)
     wrapped = RunScript("s", stage.code("n += 1"), stage.scope, stage.enums)
     update = wrapped.update
 
-    def told():
+    def recorded():
         called.append("object")
         return update()
 
-    monkeypatch.setattr(wrapped, "update", told)
+    monkeypatch.setattr(wrapped, "update", recorded)
     for node in (derived, derived, wrapped, wrapped):
         node.tick_once()
     assert (called, stage.values) == (["class"] * 2 + ["object"] * 2, {"n": 5})
 
 
-def test_a_script_around_whose_update_somebody_has_put_something_is_made_code_once(monkeypatch):
+def test_script_of_leaf_with_wrapped_update_is_compiled_once(monkeypatch):
     stage, made = Stage(n=1), []
 
     def counted(*given):

@@ -1,4 +1,4 @@
-"""Delay, Timeout and Sleep."""
+"""Tests of Delay, Timeout and Sleep."""
 
 import pytest
 from hypothesis import given
@@ -20,7 +20,7 @@ Timeout = own("Timeout")
 CLOCK = st.lists(st.floats(-100.0, 100.0), max_size=20)
 
 
-def test_a_timer_counts_down_to_zero():
+def test_timer_counts_down_to_zero():
     clock = ManualClock()
     times = ClockTimes(lambda _: clock)
     token = times.start(0, 2.0)
@@ -30,7 +30,7 @@ def test_a_timer_counts_down_to_zero():
     assert times.remaining_sec(0, token) == 0.0
 
 
-def test_a_clock_that_goes_back_counts_as_one_that_stood_still():
+def test_clock_jumping_back_is_treated_as_stopped():
     clock = ManualClock(1000.0)
     times = ClockTimes(lambda _: clock)
     token = times.start(0, 2.0)
@@ -43,7 +43,7 @@ def test_a_clock_that_goes_back_counts_as_one_that_stood_still():
 
 
 @given(seconds=st.floats(0.0, 50.0), steps=CLOCK)
-def test_whatever_the_clock_does_the_time_left_never_grows_and_is_never_negative(seconds, steps):
+def test_remaining_time_never_grows_and_is_never_negative(seconds, steps):
     clock = ManualClock()
     times = ClockTimes(lambda _: clock)
     token = times.start(0, seconds)
@@ -54,7 +54,7 @@ def test_whatever_the_clock_does_the_time_left_never_grows_and_is_never_negative
         left = times.remaining_sec(0, token)
 
 
-def test_a_delay_waits_then_lets_its_child_run_and_waits_again_next_time():
+def test_delay_waits_before_each_activation_of_child():
     clock, stage = ManualClock(), Stage()
     root = Delay("d", stage.leaf("a", "R,S"), Input(300), clock)
     assert stage.tick(root) == "R:"
@@ -65,14 +65,14 @@ def test_a_delay_waits_then_lets_its_child_run_and_waits_again_next_time():
     assert stage.ticks(root, 3) == ["R: a=R", "S: a=S", "R:"]
 
 
-def test_a_delay_of_nothing_yields_once():
+def test_delay_of_zero_takes_one_tick():
     stage = Stage()
     root = stage.ready(Delay("d", stage.leaf("a"), Input(0), ManualClock()))
     assert stage.ticks(root, 2) == ["R:", "S: a=S"]
     assert stage.woken == 1
 
 
-def test_a_halted_delay_waits_from_the_beginning():
+def test_halted_delay_starts_over():
     clock, stage = ManualClock(), Stage()
     root = Delay("d", stage.leaf("a"), Input(300), clock)
     stage.tick(root)
@@ -85,13 +85,13 @@ def test_a_halted_delay_waits_from_the_beginning():
     assert stage.tick(root) == "S: a=S"
 
 
-def test_while_the_clock_stands_still_a_delay_waits():
+def test_delay_waits_while_clock_stands_still():
     stage = Stage()
     root = Delay("d", stage.leaf("a"), Input(1), ManualClock())
     assert set(stage.ticks(root, 50)) == {"R:"}
 
 
-def test_a_timeout_halts_its_child_without_another_tick():
+def test_expired_timeout_halts_child_without_ticking_it():
     clock, stage = ManualClock(), Stage()
     root = Timeout("t", stage.leaf("a", "R"), Input(2000), clock)
     assert stage.tick(root) == "R: a=R"
@@ -104,7 +104,7 @@ def test_a_timeout_halts_its_child_without_another_tick():
     assert stage.tick(root) == "R: a=R"
 
 
-def test_a_timeout_starts_with_every_activation():
+def test_timeout_restarts_with_every_activation():
     clock, stage = ManualClock(), Stage()
     root = Timeout("t", stage.leaf("a", "R,S,R"), Input(1000), clock)
     stage.tick(root)
@@ -113,12 +113,12 @@ def test_a_timeout_starts_with_every_activation():
     clock.advance(0.9)
     assert stage.tick(root) == "R: a=R"
     root.stop(Status.INVALID)
-    stage.told()
+    stage.new_events()
     clock.advance(0.9)
     assert stage.tick(root) == "R: a=R"
 
 
-def test_a_timeout_of_zero_never_comes():
+def test_timeout_of_zero_never_expires():
     clock, stage = ManualClock(), Stage()
     root = Timeout("t", stage.leaf("a", "R"), Input(0), clock)
     for _ in range(5):
@@ -126,7 +126,7 @@ def test_a_timeout_of_zero_never_comes():
         clock.advance(1e6)
 
 
-def test_a_time_that_ran_out_over_a_skipped_child_begins_with_the_child():
+def test_timeout_restarts_if_it_expired_while_child_was_skipped():
     clock, stage = ManualClock(), Stage()
     root = Timeout("t", stage.leaf("a", "K,R"), Input(1000), clock)
     assert stage.tick(root) == "K: a=K"
@@ -138,7 +138,7 @@ def test_a_time_that_ran_out_over_a_skipped_child_begins_with_the_child():
     assert stage.tick(root) == "F: halt a"
 
 
-def test_a_clock_that_jumps_back_does_not_make_a_timeout_endless():
+def test_clock_jumping_back_does_not_make_timeout_endless():
     clock, stage = ManualClock(1e9), Stage()
     root = Timeout("t", stage.leaf("a", "R"), Input(1000), clock)
     stage.tick(root)
@@ -148,7 +148,7 @@ def test_a_clock_that_jumps_back_does_not_make_a_timeout_endless():
     assert stage.tick(root) == "F: halt a"
 
 
-def test_sleep_waits_and_says_how_long():
+def test_sleep_waits_and_shows_remaining_time():
     clock, stage = ManualClock(), Stage()
     root = Sleep("z", Input(1500), clock)
     assert stage.tick(root) == "R:"
@@ -158,11 +158,11 @@ def test_sleep_waits_and_says_how_long():
     assert root.feedback_message == ""
 
 
-def test_sleep_for_no_time_succeeds_at_once():
+def test_sleep_of_zero_succeeds_immediately():
     assert Stage().tick(Sleep("z", Input(0), ManualClock())) == "S:"
 
 
-def test_a_halted_sleep_starts_again():
+def test_halted_sleep_starts_over():
     clock, stage = ManualClock(), Stage()
     root = Sleep("z", Input(1000), clock)
     stage.tick(root)
@@ -173,7 +173,7 @@ def test_a_halted_sleep_starts_again():
     assert stage.tick(root) == "R:"
 
 
-def test_the_time_to_sleep_comes_from_the_blackboard_when_it_starts():
+def test_sleep_reads_duration_from_blackboard_only_at_start():
     clock, stage = ManualClock(), Stage(t=1000)
     root = Sleep("z", stage.port("t"), clock)
     stage.tick(root)
@@ -183,7 +183,7 @@ def test_the_time_to_sleep_comes_from_the_blackboard_when_it_starts():
 
 
 @pytest.mark.parametrize("make", [Delay, Timeout])
-def test_nobody_waits_for_less_than_no_time(make):
+def test_negative_duration_raises_error(make):
     stage = Stage()
     with pytest.raises(DurationError, match=r"cannot wait -5 milliseconds. Write 0 or more as (delay_)?msec"):
         make("t", stage.leaf("a"), Input(-5), ManualClock()).tick_once()
@@ -197,7 +197,7 @@ def test_nobody_waits_for_less_than_no_time(make):
         max_size=30,
     )
 )
-def test_the_time_that_is_left_is_told_to_a_tenth(left):
+def test_remaining_time_is_shown_in_tenths_of_second(left):
     clock, stage = ManualClock(), Stage()
     root = stage.ready(Sleep("s", Input(100_000), clock))
     stage.tick(root)
@@ -214,12 +214,12 @@ def test_the_time_that_is_left_is_told_to_a_tenth(left):
         lambda stage, clock: Delay("d", stage.leaf("a"), Input(5000), clock),
     ],
 )
-def test_what_is_told_is_made_once_for_each_tenth_of_a_second(make):
+def test_message_is_created_once_per_tenth_of_second(make):
     clock, stage = ManualClock(), Stage()
     root = stage.ready(make(stage, clock))
-    told = []
+    messages = []
     for _ in range(4):
         stage.tick(root)
-        told.append(root.feedback_message)
+        messages.append(root.feedback_message)
         clock.advance(0.01)
-    assert len({id(each) for each in told}) == 1
+    assert len({id(each) for each in messages}) == 1

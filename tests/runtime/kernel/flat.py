@@ -1,4 +1,4 @@
-"""What is done with a tree in flat form outside a search: its ticks as a whole, and its cells."""
+"""Functions to tick, stop and inspect a tree in flat form outside a search."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ Cells = tuple[tuple[int, ...], tuple[Any, ...]]
 
 
 def tick(flat: FlatTree, ticker: Ticker) -> int:
-    """Tick the root once; return the number of its outcome."""
+    """Tick the root once and return the number of its outcome."""
     try:
         return ticker.run(flat.nodes[0])
     finally:
@@ -24,11 +24,11 @@ def stop(flat: FlatTree, ticker: Ticker, index: int = 0) -> None:
 
 
 def put_to_rest(flat: FlatTree, ticker: Ticker, index: int) -> None:
-    """Forget how a node has ended that is not running."""
+    """Reset the status of a node that is not running."""
     ticker.cells[flat.nodes[index].status_cell] = INVALID
     flat.copy_shared_statuses(ticker)
 
 
 def cells_of(ticker: Ticker) -> Cells:
-    """Return what is in the cells."""
+    """Return the contents of the cells."""
     return tuple(ticker.cells), tuple(ticker.values)

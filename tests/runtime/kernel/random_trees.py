@@ -1,4 +1,4 @@
-"""Trees by chance, of everything that the library has: as files that the compiler reads."""
+"""Random trees of all nodes of the library, as the text of files that the compiler reads."""
 
 import itertools
 import random
@@ -12,10 +12,10 @@ from tests.node_forms import forms
 from tests.trees import class_of
 
 Attributes = dict[str, dict[str, object]]
-"""The attributes of tags."""
+"""The attributes of each tag."""
 
 HAS_FOR_EACH = hasattr(decorators, "ForEach")
-"""py_trees has it from 2.4 on."""
+"""Whether py_trees has ForEach, which was added in 2.4."""
 _KEYS = ("a", "b", "n")
 _CONDITIONS = {
     "_failureIf": ("n == 1", "a > 1", "false"),
@@ -32,7 +32,7 @@ FORMS = [form for form in forms() if not any("{" in text or "v ==" in text for _
 
 
 def knows_skips(spec: NodeSpec) -> bool:
-    """Return whether a child of a node may be skipped."""
+    """Return whether a node supports skipped children."""
     cls = class_of(spec)
     return (cls is not None and issubclass(cls, EngineParent)) or spec.skipping.replacement is not None
 
@@ -41,8 +41,8 @@ class RandomTree:
     """Writes one tree.
 
     Args:
-        seed: What it depends on.
-        skips: Whether nodes in it may be skipped; py_trees' own nodes know nothing of that, and are left out.
+        seed: The seed of the random choices.
+        skips: Whether nodes can be skipped. Parents of py_trees do not support that, so the tree then contains none.
     """
 
     def __init__(self, seed: int, *, skips: bool) -> None:
@@ -155,7 +155,7 @@ class RandomTree:
         return draw.choice([*made, lambda: self.any_form(Kind.CONTROL, depth)])()
 
     def any_form(self, kind: Kind, depth: int) -> str:
-        """Return any node of a kind, also one that is not named here."""
+        """Return any node of a kind, including those that this module does not name."""
         forms = [
             form for form in FORMS if form.spec.kind is kind and (not self.skips or knows_skips(form.spec))
         ]
@@ -181,7 +181,7 @@ class RandomTree:
         return self.element(tag, child, **attributes)
 
     def repeating(self) -> Attributes:
-        """Return decorators that all parents know."""
+        """Return decorators that can be used with and without skips."""
         draw = self.draw
         return {
             "Inverter": {},
@@ -196,7 +196,7 @@ class RandomTree:
         }
 
     def skipping(self) -> Attributes:
-        """Return decorators that may be skipped."""
+        """Return decorators that can be skipped."""
         draw = self.draw
         return {
             "RunOnce": {"then_skip": draw.random() < 0.5},
@@ -216,7 +216,7 @@ class RandomTree:
         }
 
     def stock(self) -> Attributes:
-        """Return decorators of py_trees' that know nothing of skips."""
+        """Return decorators of py_trees, which do not support skips."""
         draw = self.draw
         return {
             "OneShot": {"policy": draw.choice(("ON_COMPLETION", "ON_SUCCESSFUL_COMPLETION"))},
@@ -236,7 +236,7 @@ class RandomTree:
         }
 
     def of_py_trees(self) -> Attributes:
-        """Return py_trees' attributes of tags that both libraries have."""
+        """Return py_trees' attributes for the tags that both libraries have."""
         return {"Repeat": {"num_success": self.draw.choice((0, 1, 2))}, "Timeout": {"duration": 0.25}}
 
     def key(self) -> str:

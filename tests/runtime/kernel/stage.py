@@ -1,4 +1,4 @@
-"""One tree twice: as py_trees ticks it, and in flat form."""
+"""Stages on which py_trees and the kernel tick the same tree, to compare them."""
 
 import functools
 import random
@@ -36,32 +36,32 @@ from tests.runtime.kernel.flat import cells_of, stop, tick
 from tests.runtime.kernel.probes import Script
 from tests.runtime.kernel.random_trees import RandomTree
 
-# In seconds; exact numbers, so that the clock can be put back.
+# In seconds. They are exact in binary, so that the clock can be set back without rounding.
 _PAUSES = (0.0, 0.0625, 0.125, 0.25, 0.5)
 
 
 def entries() -> dict[str, object]:
-    """Return what is on the blackboard at first."""
+    """Return the initial contents of the blackboard."""
     queue = {"numbers": [1.5, 2.0], "flags": deque([True, False, True]), "items": [1, [2], None, 3]}
     return {"a": 0, "b": 1, "n": 0, **queue}
 
 
 @functools.cache
 def registry() -> Registry:
-    """Return everything installed, and the probes."""
+    """Return the registry of all installed nodes and the probes."""
     known = Registry(default_registry().specs())
     known.add_module(probes)
     return known
 
 
 def bound(body: str) -> Binding:
-    """Bind a tree that is written here."""
+    """Bind a tree with the given XML body."""
     text = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
     return bind_main(Forest.from_file(parse_xml(text)), registry())
 
 
 def random_bindings(count: int, *, skips: bool) -> Iterator[tuple[int, Binding]]:
-    """Yield a number of random trees that the checks find nothing wrong with."""
+    """Yield random trees without errors, with their seeds."""
     seed = 0
     while count:
         seed += 1
@@ -75,12 +75,12 @@ def random_bindings(count: int, *, skips: bool) -> Iterator[tuple[int, Binding]]
 
 @dataclass(frozen=True)
 class Beat:
-    """What happens around a tick.
+    """One tick and the events before it.
 
     Attributes:
-        number: The number of the tick, by which the probes know what to answer.
-        seconds: How much time passes before it.
-        halt: Whether the tree is halted before it.
+        number: The number of the tick, on which the outcomes of the probes depend.
+        seconds: The time that passes before the tick.
+        halt: Whether the tree is halted before the tick.
     """
 
     number: int
@@ -89,14 +89,14 @@ class Beat:
 
 
 def random_beats(seed: int, count: int) -> list[Beat]:
-    """Return what happens around a number of ticks."""
+    """Return random beats for a number of ticks."""
     draw = random.Random(seed)  # noqa: S311 - the same trees in every run
     return [Beat(number, draw.choice(_PAUSES), draw.random() < 0.15) for number in range(count)]
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What a tick did."""
+    """The observable result of a tick."""
 
     outcome: str
     events: list[probes.Event]
@@ -109,7 +109,7 @@ class Seen:
 
 
 class Stage:
-    """A compiled tree, with a clock and a runner that counts how often it is woken."""
+    """A compiled tree with a manual clock, and a wake callback that counts its calls."""
 
     def __init__(self, binding: Binding, seed: int, *, raises: bool = False) -> None:
         self.clock = ManualClock()
@@ -126,7 +126,7 @@ class Stage:
         self.woken += 1
 
     def play(self, beat: Beat) -> Seen:
-        """Let some time pass, halt the tree or not, and tick it."""
+        """Advance the clock, halt the tree if the beat says so, and tick it."""
         self.script.tick = beat.number
         self.clock.advance(beat.seconds)
         try:
@@ -143,7 +143,7 @@ class Stage:
         board = self.tree.board
         return Seen(
             outcome,
-            self.script.take(),
+            self.script.pop_events(),
             [node.status for node in nodes],
             [was_skipped(node) for node in nodes if not node.children],
             [node.feedback_message for node in nodes],
@@ -160,7 +160,7 @@ class Stage:
 
 
 def entries_of(board: Board) -> tuple[tuple[str, object, object, int], ...]:
-    """Return the name, the type, the value and the count of writes of each entry that was written or named."""
+    """Return the name, type, value and number of writes of each entry that was written or declared."""
     names = board.cells.names if isinstance(board, NumberedBoard) else {*board.names(), *board.kinds}
     return tuple(
         (
@@ -175,7 +175,7 @@ def entries_of(board: Board) -> tuple[tuple[str, object, object, int], ...]:
 
 
 class PyTreesStage(Stage):
-    """Ticked by py_trees."""
+    """Is ticked by py_trees."""
 
     def tick(self) -> str:
         root = self.tree.root
@@ -187,7 +187,7 @@ class PyTreesStage(Stage):
 
 
 class LiveStage(Stage):
-    """Ticked as a run does."""
+    """Is ticked as in a run."""
 
     def __init__(self, binding: Binding, seed: int, *, raises: bool = False) -> None:
         super().__init__(binding, seed, raises=raises)
@@ -202,14 +202,14 @@ class LiveStage(Stage):
 
 
 class EveryNode(Breakpoints):
-    """Holds a tick before each node for a moment."""
+    """Breaks a tick before each node for a moment."""
 
     def wait_at(self, behaviour):
         yield
 
 
 class HeldStage(LiveStage):
-    """Ticked as a run does that waits at a breakpoint before each node."""
+    """Is ticked as in a run that waits at a breakpoint before each node."""
 
     def tick(self) -> str:
         visits: list[Visit] = []
@@ -221,7 +221,7 @@ class HeldStage(LiveStage):
 
 @dataclass(frozen=True)
 class Saved:
-    """A state of a tree in flat form, and when it had it."""
+    """A state of a tree in flat form, and its time."""
 
     cells: Any
     entries: Any
@@ -229,7 +229,7 @@ class Saved:
 
 
 class FlatStage(Stage):
-    """In flat form."""
+    """Is ticked in flat form, and can save and restore its state."""
 
     def __init__(self, binding: Binding, seed: int, *, raises: bool = False) -> None:
         super().__init__(binding, seed, raises=raises)
@@ -246,7 +246,7 @@ class FlatStage(Stage):
         stop(self.flat, self.ticker)
 
     def save(self) -> Saved:
-        """Return the state of the tree: its cells and its blackboard."""
+        """Return the state of the tree: its cells, its blackboard and the time."""
         if self.entries is None:
             self.entries = EntryCells()
             NumberedBoard.from_board(self.tree.board, self.entries)
@@ -255,7 +255,7 @@ class FlatStage(Stage):
         return Saved(cells_of(self.ticker), self.entries.now[:], self.clock.now())
 
     def restore(self, saved: Saved) -> None:
-        """Go back to a state."""
+        """Restore a saved state."""
         assert self.entries is not None, "nothing was saved"
         cells, self.ticker.values[:] = saved.cells
         self.ticker.cells = vec[i32](cells)

@@ -1,4 +1,4 @@
-"""The cells and the blackboard are all that a flat tree remembers."""
+"""Tests of the state of a flat tree: it consists only of the cells and the blackboard."""
 
 import random
 
@@ -15,13 +15,13 @@ TREES = rounds(40)
 TICKS = 12
 
 
-def told(seen: Seen):
-    """The result of a tick, without what is told but makes no difference: messages, and how often was written."""
+def comparable_result(seen: Seen):
+    """Return the result of a tick without messages and numbers of writes, which are no part of the state."""
     return seen.outcome, seen.events, seen.statuses, [entry[:3] for entry in seen.entries]
 
 
 @pytest.mark.parametrize("skips", [False, True], ids=["stock nodes", "nodes that skip"])
-def test_a_tree_that_is_put_back_into_an_earlier_state_does_the_same_again(skips):
+def test_tree_restored_to_earlier_state_repeats_its_ticks(skips):
     for seed, binding in random_bindings(TREES, skips=skips):
         stage = FlatStage(binding, seed)
         beats = random_beats(seed, TICKS)
@@ -29,17 +29,17 @@ def test_a_tree_that_is_put_back_into_an_earlier_state_does_the_same_again(skips
         first = []
         for beat in beats:
             states.append(stage.save())
-            first.append(told(stage.play(beat)))
+            first.append(comparable_result(stage.play(beat)))
             if first[-1][0].startswith("raised"):
                 break
         for index in random.Random(seed).sample(range(len(first)), min(4, len(first))):  # noqa: S311 - the same trees in every run
             stage.restore(states[index])
-            again = [told(stage.play(beat)) for beat in beats[index : len(first)]]
+            again = [comparable_result(stage.play(beat)) for beat in beats[index : len(first)]]
             assert again == first[index:], f"seed {seed}, from tick {index}"
 
 
 def states_of(body: str, ticks: int = 60) -> list[tuple[object, tuple[int, ...]]]:
-    """Return the states that a tree can reach."""
+    """Return the state of a tree after each of its first ticks."""
     stage = FlatStage(bound(body), seed=1)
     seen = []
     for number in range(ticks):
@@ -66,11 +66,11 @@ def distinct(states):
         '<Sequence><UnsetBlackboard key="a"/><Script code="a := 1"/><WasEntryUpdated entry="{a}"/></Sequence>',
     ],
 )
-def test_what_only_counts_up_makes_no_new_state(body):
+def test_unbounded_counters_create_no_new_states(body):
     assert len(distinct(states_of(body)[5:])) == 1
 
 
-def test_an_entry_written_behind_a_node_that_waits_for_news_makes_one_state_however_often():
+def test_repeated_writes_to_watched_entry_create_one_state():
     body = (
         '<ReactiveSequence><Script code="a := 1"/><AlwaysFailure/>'
         '<WaitValueUpdate entry="{a}"><AlwaysSuccess/></WaitValueUpdate></ReactiveSequence>'
@@ -110,7 +110,7 @@ def test_an_entry_written_behind_a_node_that_waits_for_news_makes_one_state_howe
         '<Running _while="true"/>',
     ],
 )
-def test_a_tree_that_is_halted_in_the_middle_is_as_it_was_at_first(body):
+def test_halted_tree_returns_to_initial_state(body):
     stage = FlatStage(bound(body), seed=1)
     for number in range(3):
         assert stage.play(Beat(number, 0.0, halt=False)).outcome == "RUNNING"
@@ -129,7 +129,7 @@ def test_a_tree_that_is_halted_in_the_middle_is_as_it_was_at_first(body):
         '<Timeout duration="0.125"><Running/></Timeout>',
     ],
 )
-def test_a_time_that_is_over_leaves_nothing_but_how_it_ended(body):
+def test_expired_timer_leaves_only_statuses(body):
     stage = FlatStage(bound(body), seed=1)
     assert stage.play(Beat(0, 0.0, halt=False)).outcome == "RUNNING"
     assert stage.play(Beat(1, 0.25, halt=False)).outcome in {"SUCCESS", "FAILURE"}

@@ -1,4 +1,4 @@
-"""Which kernel is in use: the compiled one only where it was made of the sources beside it."""
+"""Tests of the choice of the kernel: the compiled one is used only if it was built from the sources beside it."""
 
 import json
 import os
@@ -18,11 +18,13 @@ REPORT = (
     "from sar_compiler.runtime import kernel; from sar_compiler.runtime.kernel import tree_nodes; "
     "print(kernel.STATE, tree_nodes.__file__.endswith('.py'))"
 )
-compiled_here = pytest.mark.skipif(kernel.STATE != "compiled", reason="there is no compiled kernel here")
+needs_compiled_kernel = pytest.mark.skipif(
+    kernel.STATE != "compiled", reason="there is no compiled kernel here"
+)
 
 
 def report(folder, wanted=""):
-    """Return what a program says that finds the package in a folder."""
+    """Return which kernel a process uses that finds the package in a folder, or its last line of error output."""
     library = [] if folder == PACKAGE.parent else [str(PACKAGE.parent)]
     environment = {
         **os.environ,
@@ -44,13 +46,13 @@ def copy(tmp_path):
     return tmp_path
 
 
-@compiled_here
-def test_a_compiled_kernel_is_used_beside_the_sources_that_it_was_made_of(copy):
+@needs_compiled_kernel
+def test_compiled_kernel_is_used_if_built_from_current_sources(copy):
     assert report(copy) == "compiled False"
 
 
-@compiled_here
-def test_one_that_was_made_of_other_sources_is_not_used(copy):
+@needs_compiled_kernel
+def test_stale_compiled_kernel_is_not_used(copy):
     changed = copy / "sar_compiler" / "runtime" / "kernel" / "turning.py"
     changed.write_text(changed.read_text(encoding="utf-8") + "# changed\n", encoding="utf-8")
     assert report(copy) == "stale True"
@@ -59,12 +61,12 @@ def test_one_that_was_made_of_other_sources_is_not_used(copy):
     )
 
 
-@compiled_here
-def test_the_sources_can_be_wanted(copy):
+@needs_compiled_kernel
+def test_environment_variable_selects_python_sources(copy):
     assert report(copy, "python") == "compiled True"
 
 
-def test_without_a_compiled_one_the_sources_are_the_kernel(copy):
+def test_missing_compiled_kernel_is_replaced_by_python_sources(copy):
     for binary in (copy / "sar_compiler" / "runtime" / "kernel").glob("*.so"):
         binary.unlink()
     assert report(copy) == "absent True"
@@ -73,7 +75,7 @@ def test_without_a_compiled_one_the_sources_are_the_kernel(copy):
     )
 
 
-def test_the_version_says_which_is_in_use(capsys):
+def test_version_option_prints_kernel_in_use(capsys):
     with pytest.raises(SystemExit) as end:
         main(["--version"])
     assert end.value.code == 0
@@ -91,12 +93,12 @@ assert not kernel.IS_COMPILED
 """
 
 
-def verified(before=""):
+def run_verify(before=""):
     program = f"import sys\nfrom sar_compiler.cli.compile import main\n{before}{VERIFY}"
     words = [sys.executable, "-c", program]
     run = subprocess.run(words, cwd=PACKAGE.parent, capture_output=True, text=True, check=False)
     return {**json.loads(run.stdout), "seconds": 0}, run.returncode, run.stderr
 
 
-def test_lists_stand_in_for_librt_where_that_is_not_installed():
-    assert verified(WITHOUT_LIBRT) == verified()
+def test_verify_gives_same_result_without_librt():
+    assert run_verify(WITHOUT_LIBRT) == run_verify()

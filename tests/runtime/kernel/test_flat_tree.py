@@ -1,4 +1,4 @@
-"""What the flat form of a tree offers, and what it refuses."""
+"""Tests of the flat form of a tree, and of the nodes that it rejects."""
 
 from collections.abc import Hashable, Iterable
 
@@ -24,15 +24,15 @@ from tests.runtime.stage import Stage
 Delay, OwnTimeout = own("Delay"), own("Timeout")
 
 
-def timed_by(clock: ManualClock) -> Times:
+def times_of_clock(clock: ManualClock) -> Times:
     return ClockTimes(lambda _: clock)
 
 
-TIMES = timed_by(ManualClock())
+TIMES = times_of_clock(ManualClock())
 
 
 class TestShape:
-    def test_nodes_are_in_pre_order_and_know_their_family(self):
+    def test_nodes_are_in_pre_order_and_know_their_children(self):
         inner = composites.Selector("inner", memory=False, children=[Success("a"), Success("b")])
         flat = flatten(composites.Sequence("root", memory=True, children=[inner, Success("c")]))
         assert [node.behaviour.name for node in flat.nodes] == ["root", "inner", "a", "b", "c"]
@@ -44,7 +44,7 @@ class TestShape:
             [],
         ]
 
-    def test_the_cell_of_a_nodes_number_holds_its_status(self):
+    def test_cell_at_index_of_node_holds_its_status(self):
         flat = flatten(
             composites.Sequence("root", memory=True, children=[Success("a"), Running("b"), Failure("c")])
         )
@@ -53,7 +53,7 @@ class TestShape:
         assert tick(flat, ticker) == RUNNING
         assert list(ticker.cells[:4]) == [RUNNING, SUCCESS, RUNNING, INVALID]
 
-    def test_a_tree_as_deep_as_py_trees_can_tick_has_a_flat_form(self):
+    def test_tree_with_900_nested_decorators_can_be_flattened(self):
         root: Behaviour = Success("leaf")
         for number in range(900):
             root = decorators.Inverter(f"inverter {number}", root)
@@ -61,21 +61,21 @@ class TestShape:
         assert tick(flat, flat.ticker(TIMES)) == SUCCESS
 
 
-class Halves(composites.Composite):
+class CustomControl(composites.Composite):
     def tick(self):
         yield from self.children[0].tick()
 
 
-class PoliteSequence(composites.Sequence):
-    """It may do anything in its own methods."""
+class SequenceSubclass(composites.Sequence):
+    """A subclass, whose methods could do anything."""
 
 
-class Loud(decorators.Decorator):
+class CustomDecorator(decorators.Decorator):
     def update(self):
         return self.decorated.status
 
 
-class Adopting(Behaviour):
+class CustomLeaf(Behaviour):
     def update(self):
         return Status.SUCCESS
 
@@ -84,13 +84,13 @@ class TestUnknownClasses:
     @pytest.mark.parametrize(
         "node",
         [
-            Halves("mine", [Success("a")]),
-            Halves("mine", []),
-            PoliteSequence("mine", memory=True, children=[Success("a")]),
-            Loud("mine", Success("a")),
+            CustomControl("mine", [Success("a")]),
+            CustomControl("mine", []),
+            SequenceSubclass("mine", memory=True, children=[Success("a")]),
+            CustomDecorator("mine", Success("a")),
         ],
     )
-    def test_a_control_or_decorator_that_is_not_the_librarys_is_refused_by_name_and_class(self, node):
+    def test_unknown_control_or_decorator_is_rejected_with_name_and_class(self, node):
         with pytest.raises(
             NotFlatError,
             match=f"'mine' is a .*{type(node).__name__}.*Replace it by registered controls and decorators",
@@ -98,15 +98,15 @@ class TestUnknownClasses:
             flatten(composites.Sequence("root", memory=True, children=[node]))
         assert caught.value.behaviour is node
 
-    def test_a_leaf_that_has_taken_a_child_is_refused(self):
-        leaf = Adopting("mine")
+    def test_leaf_with_child_is_rejected(self):
+        leaf = CustomLeaf("mine")
         leaf.children.append(Success("a"))
         with pytest.raises(NotFlatError, match="mine"):
             flatten(leaf)
 
 
-class Ticking(Behaviour):
-    """A leaf that counts its ticks by a method that others leave alone."""
+class LeafWithOwnTick(Behaviour):
+    """A leaf that overrides `tick` and `stop`."""
 
     def __init__(self, name, *answers):
         super().__init__(name)
@@ -125,7 +125,7 @@ class Ticking(Behaviour):
         super().stop(new_status)
 
 
-class Answering(Behaviour):
+class ConstantLeaf(Behaviour):
     def __init__(self, name, answer):
         super().__init__(name)
         self.answer = answer
@@ -138,15 +138,15 @@ class Answering(Behaviour):
         self.ends.append(new_status)
 
 
-class Broken(Behaviour):
+class RaisingLeaf(Behaviour):
     def update(self):
         message = "out of battery"
         raise RuntimeError(message)
 
 
 class TestLeaves:
-    def test_a_leaf_with_a_tick_and_a_stop_of_its_own_is_ticked_and_stopped_by_them(self):
-        leaf = Ticking("leaf", Status.SUCCESS, Status.RUNNING)
+    def test_overridden_tick_and_stop_of_leaf_are_called(self):
+        leaf = LeafWithOwnTick("leaf", Status.SUCCESS, Status.RUNNING)
         flat = flatten(leaf)
         ticker = flat.ticker(TIMES)
         assert [tick(flat, ticker), tick(flat, ticker)] == [SUCCESS, RUNNING]
@@ -155,18 +155,18 @@ class TestLeaves:
         assert ticker.cells[0] == INVALID
 
     @pytest.mark.parametrize("answer", [Status.INVALID, None, "SUCCESS"])
-    def test_an_answer_that_is_no_end_counts_as_a_reset_as_for_py_trees(self, answer):
-        leaf = Answering("leaf", answer)
+    def test_invalid_return_value_resets_leaf_as_in_py_trees(self, answer):
+        leaf = ConstantLeaf("leaf", answer)
         flat = flatten(leaf)
         ticker = flat.ticker(TIMES)
         assert tick(flat, ticker) == SKIPPED
         assert (ticker.cells[0], leaf.status, leaf.ends) == (INVALID, Status.INVALID, [Status.INVALID])
 
-    def test_what_a_leaf_raises_comes_out_and_what_ran_goes_on_running(self):
+    def test_exception_in_leaf_propagates_and_running_sibling_keeps_running(self):
         flat = flatten(
             composites.Parallel(
                 "both",
-                children=[Running("a"), Broken("b")],
+                children=[Running("a"), RaisingLeaf("b")],
                 policy=ParallelPolicy.SuccessOnAll(synchronise=False),
             )
         )
@@ -175,16 +175,16 @@ class TestLeaves:
             tick(flat, ticker)
         assert list(ticker.cells[:3]) == [INVALID, RUNNING, INVALID]
 
-    def test_an_answer_that_is_no_status_is_logged(self, monkeypatch):
-        leaf = Answering("leaf", "SUCCESS")
+    def test_return_value_that_is_no_status_is_logged(self, monkeypatch):
+        leaf = ConstantLeaf("leaf", "SUCCESS")
         said: list[str] = []
         monkeypatch.setattr(leaf.logger, "error", said.append)
         flat = flatten(leaf)
         tick(flat, flat.ticker(TIMES))
         assert said == ["A behaviour returned an invalid status, setting to INVALID [SUCCESS][leaf]"]
 
-    def test_a_leaf_that_resets_itself_logs_nothing(self, monkeypatch):
-        leaf = Answering("leaf", Status.INVALID)
+    def test_returned_invalid_status_is_not_logged(self, monkeypatch):
+        leaf = ConstantLeaf("leaf", Status.INVALID)
         said: list[str] = []
         monkeypatch.setattr(leaf.logger, "error", said.append)
         flat = flatten(leaf)
@@ -192,17 +192,17 @@ class TestLeaves:
         assert said == []
 
     @python_only
-    def test_whoever_flattens_a_tree_may_build_some_of_its_nodes_otherwise(self):
+    def test_flatten_accepts_custom_node_builder(self):
         ticked: list[str] = []
 
-        class Telling(TreeNode):
+        class RecordingNode(TreeNode):
             def tick(self, ticker: Ticker) -> int:
                 ticked.append(self.behaviour.name)
                 ticker.cells[self.status_cell] = SUCCESS
                 return SUCCESS
 
         def node_of(part: NodeBuilder) -> TreeNode:
-            return Telling(part) if isinstance(part.behaviour, Running) else known_node(part)
+            return RecordingNode(part) if isinstance(part.behaviour, Running) else known_node(part)
 
         root = composites.Sequence("root", memory=True, children=[Running("a"), Running("b")])
         flat = flatten(root, node_of)
@@ -211,13 +211,13 @@ class TestLeaves:
 
 
 class TestState:
-    def test_two_states_of_one_tree_do_not_know_of_each_other(self):
+    def test_two_tickers_of_one_tree_are_independent(self):
         flat = flatten(composites.Sequence("root", memory=True, children=[Success("a"), Running("b")]))
         one, other = flat.ticker(TIMES), flat.ticker(TIMES)
         tick(flat, one)
         assert (one.cells[0], other.cells[0]) == (RUNNING, INVALID)
 
-    def test_how_a_oneshot_has_ended_is_never_forgotten(self):
+    def test_oneshot_keeps_final_status_after_stop(self):
         child = StatusQueue("child", [Status.FAILURE, Status.SUCCESS], None)
         flat = flatten(decorators.OneShot("once", child, OneShotPolicy.ON_COMPLETION))
         ticker = flat.ticker(TIMES)
@@ -225,14 +225,14 @@ class TestState:
         stop(flat, ticker)
         assert [tick(flat, ticker), tick(flat, ticker)] == [FAILURE, FAILURE]
 
-    def test_a_oneshot_that_has_ended_before_has_ended_in_flat_form(self, monkeypatch):
+    def test_oneshot_completed_before_flattening_stays_completed(self, monkeypatch):
         root = decorators.OneShot("once", Success("child"), OneShotPolicy.ON_COMPLETION)
         root.tick_once()
-        monkeypatch.setattr(root.decorated, "update", Broken("never").update)
+        monkeypatch.setattr(root.decorated, "update", RaisingLeaf("never").update)
         flat = flatten(root)
         assert tick(flat, flat.ticker(TIMES)) == SUCCESS
 
-    def test_what_a_count_counts_can_be_read_from_it(self):
+    def test_count_decorator_exposes_its_counters(self):
         count = decorators.Count(
             "count", StatusQueue("child", [Status.RUNNING, Status.SUCCESS], Status.RUNNING)
         )
@@ -244,8 +244,8 @@ class TestState:
         assert (count.total_tick_count, count.running_count, count.success_count) == (3, 2, 1)
         assert (count.failure_count, count.interrupt_count) == (0, 1)
 
-    def test_one_node_can_be_stopped_or_forgotten_by_its_number(self):
-        ended = Answering("leaf", Status.RUNNING)
+    def test_single_node_can_be_stopped_or_reset_by_index(self):
+        ended = ConstantLeaf("leaf", Status.RUNNING)
         flat = flatten(composites.Sequence("root", memory=True, children=[Success("a"), ended]))
         ticker = flat.ticker(TIMES)
         tick(flat, ticker)
@@ -253,19 +253,19 @@ class TestState:
         put_to_rest(flat, ticker, 1)
         assert (list(ticker.cells[:3]), ended.ends) == ([RUNNING, INVALID, INVALID], [Status.INVALID])
 
-    def test_a_guard_that_answers_with_neither_a_bool_nor_a_status_raises_as_in_py_trees(self):
+    def test_guard_condition_returning_neither_bool_nor_status_raises(self):
         flat = flatten(decorators.EternalGuard("guard", Success("child"), lambda: 1))
         with pytest.raises(RuntimeError, match="'guard': the condition"):
             tick(flat, flat.ticker(TIMES))
 
     @pytest.mark.parametrize(("answer", "outcome"), [(Status.FAILURE, FAILURE), (Status.RUNNING, SUCCESS)])
-    def test_a_guard_may_answer_with_a_status(self, answer, outcome):
+    def test_guard_condition_may_return_status(self, answer, outcome):
         flat = flatten(decorators.EternalGuard("guard", Success("child"), lambda: answer))
         assert tick(flat, flat.ticker(TIMES)) == outcome
 
 
 class TestViews:
-    def test_the_drawing_is_that_of_the_tree_of_py_trees(self):
+    def test_flat_tree_is_drawn_like_py_trees_tree(self):
         drawings = []
         for form in ("py_trees", "flat"):
             clock = ManualClock()
@@ -274,7 +274,7 @@ class TestViews:
                 "root", memory=False, children=[Failure("x"), OwnTimeout("t", child, Input(4000), clock)]
             )
             flat = flatten(root)
-            ticker = flat.ticker(timed_by(clock))
+            ticker = flat.ticker(times_of_clock(clock))
             for _ in range(3):
                 if form == "flat":
                     tick(flat, ticker)
@@ -288,7 +288,7 @@ class TestViews:
         assert drawings[0] == drawings[1]
         assert "remaining: 2.0s" in drawings[0]
 
-    def test_the_runner_is_woken_by_a_node_that_pauses(self):
+    def test_pausing_node_wakes_runner(self):
         stage = Stage()
         root = stage.ready(AsyncSequence("pausing", [Success("a"), Success("b")]))
         flat = flatten(root)
@@ -296,8 +296,8 @@ class TestViews:
         assert stage.woken == 1
 
 
-class Asked(Times):
-    """Timers that are up as they are told, and note what they are asked."""
+class ScriptedTimes(Times):
+    """Timers that expire as scripted, and record their starts."""
 
     def __init__(self, answers: Iterable[bool] = ()) -> None:
         self.outcomes = list(answers)
@@ -317,31 +317,31 @@ class Asked(Times):
 
 class TestTimers:
     @python_only
-    def test_whoever_ticks_decides_when_a_timer_is_up(self):
+    def test_times_of_ticker_decide_when_timeout_expires(self):
         flat = flatten(OwnTimeout("t", Running("child"), Input(700), ManualClock()))
-        times = Asked([False, True])
+        times = ScriptedTimes([False, True])
         ticker = flat.ticker(times)
         assert [tick(flat, ticker) for _ in range(3)] == [RUNNING, RUNNING, FAILURE]
         assert times.started == [(0, 0.7)]
 
     @python_only
-    def test_a_timer_that_was_up_is_not_asked_again(self):
+    def test_expired_timer_is_not_queried_again(self):
         flat = flatten(Delay("d", Running("child"), Input(100), ManualClock()))
-        times = Asked([False, True])
+        times = ScriptedTimes([False, True])
         ticker = flat.ticker(times)
         assert [tick(flat, ticker) for _ in range(5)] == [RUNNING] * 5
 
     @python_only
-    def test_a_timeout_without_a_limit_starts_no_timer(self):
+    def test_timeout_without_limit_starts_no_timer(self):
         flat = flatten(OwnTimeout("t", Running("child"), Input(0), ManualClock()))
-        times = Asked()
+        times = ScriptedTimes()
         ticker = flat.ticker(times)
         assert [tick(flat, ticker) for _ in range(3)] == [RUNNING] * 3
         assert times.started == []
 
-    def test_a_clock_that_goes_back_counts_as_one_that_stands_still(self):
+    def test_clock_jumping_back_is_treated_as_stopped(self):
         clock = ManualClock(100.0)
-        times = timed_by(clock)
+        times = times_of_clock(clock)
         token = times.start(0, 2.0)
         clock.advance(1.0)
         assert times.remaining_sec(0, token) == 1.0

@@ -1,4 +1,4 @@
-"""A tree that is ticked for real is that of py_trees, whoever touches it between two ticks."""
+"""Tests of the live tree: it stays in step with the py_trees nodes, even if other code changes them between two ticks."""
 
 import copy
 import random
@@ -19,7 +19,7 @@ from tests.runtime.stage import Stage
 RunOnce = own("RunOnce")
 
 
-def test_what_a_leaf_remembers_is_its_own_and_can_be_changed():
+def test_changed_attribute_of_leaf_takes_effect():
     leaf = StatusQueue("q", [Status.RUNNING, Status.SUCCESS], eventually=Status.FAILURE)
     live = LiveTree(composites.Sequence("root", memory=True, children=[leaf]))
     assert live.tick() == RUNNING
@@ -27,18 +27,18 @@ def test_what_a_leaf_remembers_is_its_own_and_can_be_changed():
     assert live.tick() == FAILURE
 
 
-def test_a_composite_that_somebody_stops_begins_again():
+def test_stopped_composite_starts_over():
     stage = Stage()
     root = composites.Sequence("root", memory=True, children=stage.leaves(a="S", b="R"))
     live = LiveTree(root)
     live.tick()
     root.stop(Status.INVALID)
     live.tick()
-    assert stage.told() == "a=S b=R halt b a=S b=R"
+    assert stage.new_events() == "a=S b=R halt b a=S b=R"
 
 
 @pytest.mark.parametrize("last", ["R", "S"])
-def test_the_current_child_is_pointed_at_again_after_somebody_has_stopped_the_composite(last):
+def test_tip_is_last_ticked_child_after_stopped_composite_restarts(last):
     root = composites.Sequence("root", memory=True, children=Stage().leaves(a="S", b=last))
     live = LiveTree(root)
     live.tick()
@@ -47,14 +47,14 @@ def test_the_current_child_is_pointed_at_again_after_somebody_has_stopped_the_co
     assert root.tip() is root.children[1]
 
 
-def test_how_a_oneshot_has_ended_can_be_read_from_it():
+def test_oneshot_exposes_final_status():
     root = decorators.OneShot("once", Success("a"), OneShotPolicy.ON_COMPLETION)
     LiveTree(root).tick()
     assert root.final_status is Status.SUCCESS
     assert LiveTree(root).tick() == SUCCESS
 
 
-def test_a_child_that_comes_later_is_seen_even_where_there_was_none():
+def test_child_added_to_empty_composite_is_noticed():
     root = composites.Selector("root", memory=False, children=[])
     live = LiveTree(root)
     assert (live.tick(), live.is_whole()) == (FAILURE, True)
@@ -62,7 +62,7 @@ def test_a_child_that_comes_later_is_seen_even_where_there_was_none():
     assert not live.is_whole()
 
 
-def test_nodes_remember_what_they_did_when_the_tree_around_them_changes():
+def test_nodes_keep_their_state_when_tree_changes():
     stage = Stage()
     once = RunOnce("once", stage.leaf("a"))
     memory = composites.Sequence("memory", memory=True, children=stage.leaves(b="S", c="R"))
@@ -71,22 +71,22 @@ def test_nodes_remember_what_they_did_when_the_tree_around_them_changes():
     assert live.tick() == RUNNING
     root.add_child(stage.leaf("d"))
     later = LiveTree(root, former=live)
-    stage.told()
+    stage.new_events()
     assert later.tick() == RUNNING
-    assert stage.told() == "c=R"
+    assert stage.new_events() == "c=R"
 
 
-def test_a_composite_below_others_that_somebody_stops_begins_again():
+def test_stopped_inner_composite_starts_over():
     stage = Stage()
     inner = composites.Sequence("inner", memory=True, children=stage.leaves(a="S", b="R"))
     live = LiveTree(composites.Sequence("root", memory=True, children=[stage.leaf("first"), inner]))
     live.tick()
     inner.stop(Status.INVALID)
     live.tick()
-    assert stage.told() == "first=S a=S b=R halt b a=S b=R"
+    assert stage.new_events() == "first=S a=S b=R halt b a=S b=R"
 
 
-def test_a_branch_that_has_succeeded_is_ticked_again_in_a_parallel_if_somebody_has_stopped_it():
+def test_succeeded_branch_of_parallel_is_ticked_again_if_stopped():
     stage = Stage()
     ended = composites.Sequence("ended", memory=True, children=stage.leaves(a="S"))
     policy = ParallelPolicy.SuccessOnAll(synchronise=True)
@@ -95,13 +95,13 @@ def test_a_branch_that_has_succeeded_is_ticked_again_in_a_parallel_if_somebody_h
     live.tick()
     ended.stop(Status.INVALID)
     live.tick()
-    assert stage.told() == "a=S b=R b=R a=S b=R"
+    assert stage.new_events() == "a=S b=R b=R a=S b=R"
 
 
-class Observed(Behaviour):
-    """A behaviour that is ticked by a method of its own, and says how often its status was read."""
+class StatusReadCounter(Behaviour):
+    """A behaviour with its own `tick`, which counts how often its status was read."""
 
-    looks = 0
+    reads = 0
 
     def update(self) -> Status:
         return Status.SUCCESS
@@ -112,7 +112,7 @@ class Observed(Behaviour):
 
     @property
     def status(self) -> Status:
-        type(self).looks += 1
+        type(self).reads += 1
         return self._status
 
     @status.setter
@@ -120,16 +120,16 @@ class Observed(Behaviour):
         self._status = status
 
 
-def test_a_tick_looks_at_no_node_that_it_does_not_reach():
-    done = [Observed(f"done {number}") for number in range(20)]
+def test_tick_reads_no_status_of_unreached_nodes():
+    done = [StatusReadCounter(f"done {number}") for number in range(20)]
     live = LiveTree(composites.Sequence("root", memory=True, children=[*done, Stage().leaf("runs", "R")]))
     live.tick()
-    before = Observed.looks
+    before = StatusReadCounter.reads
     live.tick()
-    assert Observed.looks == before
+    assert StatusReadCounter.reads == before
 
 
-def test_a_node_that_stops_another_one_within_the_tick_stops_it_once():
+def test_node_stopped_by_another_during_tick_is_halted_once():
     stage = Stage()
     first = composites.Sequence("first", memory=True, children=stage.leaves(a="R"))
 
@@ -142,7 +142,7 @@ def test_a_node_that_stops_another_one_within_the_tick_stops_it_once():
     live = LiveTree(composites.Parallel("root", policy, children=[first, Stopper("stopper")]))
     live.tick()
     live.tick()
-    assert stage.told() == "a=R halt a a=R halt a"
+    assert stage.new_events() == "a=R halt a a=R halt a"
 
 
 @pytest.mark.parametrize(
@@ -162,14 +162,14 @@ def test_a_node_that_stops_another_one_within_the_tick_stops_it_once():
         lambda children: children.sort(key=lambda child: child.name),
     ],
 )
-def test_whatever_is_done_to_a_list_of_children_is_seen(change):
+def test_every_change_of_children_list_is_noticed(change):
     root = composites.Selector("root", memory=False, children=[Success("c"), Success("b"), Success("a")])
     live = LiveTree(root)
     change(root.children)
     assert not live.is_whole()
 
 
-def test_a_change_of_another_tree_is_none_of_this_one():
+def test_change_of_other_tree_is_ignored():
     live, other = (
         LiveTree(composites.Selector("root", memory=False, children=[Success("a")])) for _ in range(2)
     )
@@ -177,13 +177,13 @@ def test_a_change_of_another_tree_is_none_of_this_one():
     assert (live.is_whole(), other.is_whole()) == (True, False)
 
 
-def test_the_children_of_a_node_are_copied_as_a_list():
+def test_copy_of_children_is_plain_list():
     root = composites.Selector("root", memory=False, children=[Success("a")])
     LiveTree(root)
     assert type(copy.copy(root.children)) is list
 
 
-def test_a_decorator_of_py_trees_is_asked_again_only_where_its_child_says_something_else(monkeypatch):
+def test_py_trees_decorator_is_updated_only_when_child_changes(monkeypatch):
     asked, update = [], decorators.SuccessIsRunning.update
 
     def counted(decorator):
@@ -203,7 +203,7 @@ def test_a_decorator_of_py_trees_is_asked_again_only_where_its_child_says_someth
     assert (len(asked), root.feedback_message) == (2, "success is running [done]")
 
 
-def test_a_decorator_whose_message_somebody_has_taken_tells_it_again():
+def test_cleared_message_of_decorator_is_set_again():
     root = decorators.SuccessIsRunning("root", Success("a"))
     live = LiveTree(root)
     live.tick()
@@ -212,14 +212,14 @@ def test_a_decorator_whose_message_somebody_has_taken_tells_it_again():
     assert root.feedback_message == "success is running [success]"
 
 
-def test_a_decorator_is_asked_again_where_its_child_comes_to_something_else():
+def test_decorator_is_updated_when_status_of_child_changes():
     root = decorators.Inverter("root", StatusQueue("q", [Status.SUCCESS, Status.FAILURE], Status.FAILURE))
     live = LiveTree(root)
     assert [live.tick() for _ in range(3)] == [FAILURE, SUCCESS, SUCCESS]
 
 
 @pytest.mark.parametrize("constant", [Success, Failure])
-def test_a_constant_that_is_held_to_statuses_keeps_its_node_and_rests_without_a_message(constant):
+def test_constant_leaf_with_status_check_is_reset_without_message(constant):
     leaf = constant("a")
     insist_on_status(leaf)
     LiveTree(own("ReactiveSequence")("root", [leaf])).tick()

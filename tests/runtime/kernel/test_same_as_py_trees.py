@@ -1,4 +1,4 @@
-"""The kernel does what py_trees does with the same tree, where it is ticked for real and where states are put back."""
+"""Tests that the kernel ticks a tree exactly as py_trees does, live, at breakpoints and in flat form."""
 
 import pytest
 
@@ -23,32 +23,32 @@ TREES = rounds(80)
 TICKS = 14
 
 
-def seen(stage: Stage, seed: int):
+def play_beats(stage: Stage, seed: int):
     return [stage.play(beat) for beat in random_beats(seed, TICKS)]
 
 
 @pytest.mark.parametrize("raises", [False, True], ids=["", "leaves that raise"])
 @pytest.mark.parametrize("skips", [False, True], ids=["stock nodes", "nodes that skip"])
-def test_random_trees_show_the_same_statuses_calls_messages_and_entries_in_every_tick(skips, raises):
+def test_random_trees_behave_as_in_py_trees_in_every_tick(skips, raises):
     for seed, binding in random_bindings(TREES, skips=skips):
         stages = (
             cls(binding, seed, raises=raises) for cls in (PyTreesStage, FlatStage, LiveStage, HeldStage)
         )
         for tick, (expected, *others) in enumerate(
-            zip(*(seen(stage, seed) for stage in stages), strict=True)
+            zip(*(play_beats(stage, seed) for stage in stages), strict=True)
         ):
             for other in others:
                 assert other == expected, f"seed {seed}, tick {tick}"
 
 
 def classes_of(spec):
-    """Return the class of a node, and the one in its place where a child may be skipped."""
+    """Return the class of a node, and the class that replaces it if a child can be skipped."""
     replacement = spec.skipping.replacement
     return class_of(spec), class_of(replacement) if replacement else None
 
 
 def known_classes():
-    """Return the classes of py_trees and of ours that the kernel has nodes for."""
+    """Return the classes of py_trees and of this package for which the kernel has nodes."""
     ours = {
         cls
         for spec in default_registry()
@@ -58,7 +58,7 @@ def known_classes():
     return ours | set(STOCK)
 
 
-def test_every_control_and_decorator_of_the_library_has_a_node():
+def test_every_control_and_decorator_has_kernel_node():
     classes = {
         cls
         for spec in default_registry()
@@ -69,7 +69,7 @@ def test_every_control_and_decorator_of_the_library_has_a_node():
     assert classes - known_classes() == set()
 
 
-def test_the_random_trees_have_every_known_class_in_them():
+def test_random_trees_contain_every_known_class():
     used = {
         type(node.behaviour)
         for skips in (False, True)
