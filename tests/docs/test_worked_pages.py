@@ -149,9 +149,14 @@ def test_one_file_of_properties_serves_before_during_and_after_a_run(tmp_path):
 @pytest.mark.ros
 def test_the_course_project_is_run_and_changed_as_the_page_says(tmp_path):
     (tmp_path / "trees").symlink_to(Path("trees").resolve())
-    sections = ("## Check and run the tree", "## Change the tree", "## Write a leaf")
+    sections = (
+        "## Run and check the tree",
+        "## Change memory and add OneShot",
+        "## Write a leaf",
+        "## Write a golden test",
+    )
     done = [follow(COURSE, tmp_path, section) for section in sections]
-    assert [typed for typed, _ in done] == [3, 3, 3]
+    assert [typed for typed, _ in done] == [4, 4, 3, 1]
     assert [each for _, otherwise in done for each in otherwise] == []
 
 
