@@ -1,4 +1,4 @@
-"""What the tests of the documentation read from a page: links, headings, tables, fenced blocks, commands."""
+"""Parses documentation pages for the tests: links, headings, tables, fenced blocks, commands."""
 
 import re
 import shlex
@@ -17,10 +17,10 @@ PAGES = sorted(
 )
 
 _FENCE = re.compile(r"^\s*```(\w*)\s*$")
-# The line above a fenced block that says which file it is: `rover/drive.py`: or: Save this leaf as `rover/drive.py`:
+# The line above a fenced block that names its file: `rover/drive.py`: or: Save this leaf as `rover/drive.py`:
 _NAMED = re.compile(r"(?:^|\b[Ss]ave (?:.* )?as )`([\w./-]+\.\w+)`.*:$")
 _LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
-# A row of a list of definitions: - **name**: what it is
+# An item of a definition list: - **name**: description
 _DEFINITION = re.compile(r"^- \*\*(.+?)\*\*: (.+)$")
 _HEADING = re.compile(r"^(#+) (.*)$")
 _SEPARATORS = {"&&", "||", "|", ";", "&"}
@@ -31,10 +31,10 @@ class Block:
     """A fenced block.
 
     Attributes:
-        language: What stands behind the fence.
-        text: What is in it, with a line end.
-        line: The line of its first line, from 1.
-        file: The file that the page says it is; empty if it does not.
+        language: The language after the opening fence.
+        text: The content, with a final line end.
+        line: The number of the first line of the content, from 1.
+        file: The file name that the page gives the block; empty if there is none.
     """
 
     language: str
@@ -49,9 +49,9 @@ class ShellCommand:
 
     Attributes:
         page: The page.
-        line: The line of the block that it stands in.
+        line: The first line of its block.
         words: The program and its arguments.
-        made: Files that the page has made by then, as it names them.
+        made: The files that the page has created before, as it names them.
     """
 
     page: Path
@@ -100,13 +100,13 @@ def links(page: Path) -> list[tuple[int, str]]:
 
 
 def headings(page: Path) -> list[tuple[str, str]]:
-    """Return the headings of a page, each behind what GitHub makes an anchor of."""
+    """Return the headings of a page as pairs of slug and text. GitHub makes the anchor from the slug."""
     found = [_HEADING.match(line) for _, line in prose(page)]
     return [(_slug(heading[2]), heading[2]) for heading in found if heading]
 
 
 def anchors(page: Path) -> set[str]:
-    """Return the anchors that GitHub makes of a page's headings."""
+    """Return the anchors that GitHub makes from a page's headings."""
     made: dict[str, int] = {}
     for slug, _ in headings(page):
         made[slug] = made.get(slug, -1) + 1
@@ -116,7 +116,7 @@ def anchors(page: Path) -> set[str]:
 
 
 def tables(page: Path) -> list[tuple[str, int, list[str]]]:
-    """Return the rows of a page's tables and lists of definitions, heads and rulers left out: heading above, line, cells."""
+    """Return the rows of a page's tables and definition lists without header rows: heading above, line, cells."""
     rows: list[tuple[str, int, list[str]]] = []
     heading, head_passed = "", False
     for number, line in prose(page):
@@ -135,14 +135,14 @@ def tables(page: Path) -> list[tuple[str, int, list[str]]]:
 
 
 def codes(text: str) -> list[str]:
-    """Return what stands between backticks, single or double, in a piece of text."""
+    """Return the code spans of a text, between single or double backticks."""
     return [found[1].strip() for found in re.findall(r"(`+)(.+?)\1(?!`)", text)]
 
 
 def commands(page: Path) -> list[ShellCommand]:
     """Return the commands in the `sh` blocks of a page, and those after a prompt in its `console` blocks."""
     found: list[ShellCommand] = []
-    # Lessons, whose names begin with their numbers, are followed one after the other.
+    # A reader follows numbered lessons in order, so a lesson can use the files of earlier lessons.
     lessons = page.parent.glob("[0-9]-*.md") if page.name[0].isdigit() else ()
     made = {block.file for each in lessons if each.name < page.name for block in blocks(each) if block.file}
     for block in blocks(page):
@@ -159,7 +159,7 @@ def commands(page: Path) -> list[ShellCommand]:
 
 
 def _simple_commands(line: str) -> list[tuple[tuple[str, ...], set[str]]]:
-    """Take a shell line apart: the words of each command, and the files that it writes."""
+    """Split a shell line into commands: the words of each command, and the files that it writes."""
     lexer = shlex.shlex(line, posix=True, punctuation_chars="&|;<>")
     lexer.whitespace_split = True
     found: list[tuple[tuple[str, ...], set[str]]] = []

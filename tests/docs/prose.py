@@ -1,8 +1,8 @@
-"""Counts the words and the turns of phrase that the project does not use, in its pages, docstrings, messages, options and names.
+"""Counts unused words and contorted phrases in the project's pages, docstrings, messages, options and names.
 
 `python -m tests.docs.prose [KIND]` compares the counts with their ceilings and lists the texts of a kind that were counted. The
-words are those in the last column of `docs/glossary.md`. The turns of phrase are `MARKS`: a marked sentence can be good English,
-so their ceilings are percentages. A change may lower a ceiling, but not raise it.
+words are those in the last column of `docs/glossary.md`. The phrases match `MARKS`. A marked sentence can be good English,
+so the ceilings of phrases are percentages. A change may lower a ceiling, but not raise it.
 """
 
 import ast
@@ -83,7 +83,7 @@ def code_texts(path: Path) -> Iterator[tuple[str, Text]]:
 
 
 def _text(node: "ast.JoinedStr | ast.Constant") -> str:
-    """Return a text of the code, with `{…}` for each value in it; empty for a number and the like."""
+    """Return a string of the code, with `{…}` for each inserted value; empty for a constant that is not a string."""
     if isinstance(node, ast.JoinedStr):
         return "".join(_text(each) if isinstance(each, ast.Constant) else "{…}" for each in node.values)
     return node.value if isinstance(node.value, str) else ""
@@ -107,7 +107,7 @@ def unused_words() -> "re.Pattern[str]":
 
 
 def with_words(texts: list[Text]) -> list[Text]:
-    """Return the texts with a word that the glossary does not use. The glossary may use it, and so may code on a page."""
+    """Return the texts with a word that the glossary does not use, except in the glossary itself and in code spans."""
     pattern = unused_words()
     return [
         (place, text)

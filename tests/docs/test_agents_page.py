@@ -1,4 +1,4 @@
-"""The page about trees that agents write does what it says."""
+"""Tests of the how-to page about agents: its commands print the shown output."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ PAGE = Path("docs/how-to/agents.md").resolve()
 
 
 @pytest.mark.ros
-def test_the_page_about_agents_does_what_it_says(tmp_path, monkeypatch):
+def test_commands_on_agents_page_print_shown_output(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     typed, otherwise = follow(PAGE, tmp_path)
     assert typed == 4

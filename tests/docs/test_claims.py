@@ -1,7 +1,7 @@
-"""What the pages on security and reliability state is held by tests: each sentence, and each row of a table, names its own here.
+"""Tests that each statement on the pages about security and failures has tests.
 
-A row may name its tests in its last cell instead. A sentence is found by its beginning. Those that state no behaviour of the project
-(advice, definitions, what it does not do) are in `NO_BEHAVIOUR`.
+`TESTED_BY` lists the tests of each sentence and of each table row, by its beginning. A row may name its tests in its last cell instead.
+`NO_BEHAVIOUR` lists the sentences that state no behaviour of the project, such as advice and definitions.
 """
 
 import re
@@ -55,7 +55,7 @@ NO_BEHAVIOUR = {
         "On a weak Wi-Fi",
     ),
 }
-HELD_BY = {
+TESTED_BY = {
     SECURITY: {
         "leaves from `--nodes`": (
             "test_are_imported_when_the_user_names_them_himself", "test_runs_the_modules_beside_the_configuration_and_is_remembered",
@@ -72,10 +72,10 @@ HELD_BY = {
         "A link points outside": ("test_what_lies_outside_is_not_read", "test_what_is_exchanged_for_a_link_after_the_check_is_not_read"),
         "A folder is replaced by a link": ("test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may_name",),
         "A name contains a zero byte": ("test_a_name_that_no_file_can_have_is_an_error_in_words",),
-        "A file exceeds its limit": ("test_a_file_that_grows_while_it_is_read_is_read_to_its_limit", "test_the_numbers_on_the_page_are_those_of_the_code"),
+        "A file exceeds its limit": ("test_a_file_that_grows_while_it_is_read_is_read_to_its_limit", "test_limits_on_security_page_match_code"),
         "A file has a million elements": (
             "test_what_nobody_would_write_is_a_finding_or_an_error_in_words", "test_a_file_with_too_many_elements_is_not_read_to_its_end",
-            "test_the_numbers_on_the_page_are_those_of_the_code",
+            "test_limits_on_security_page_match_code",
         ),
         "A file contains NaN": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words",),
         "Commands read pipes": ("test_the_pipe_of_a_shell_is_read_to_its_end",),
@@ -132,7 +132,7 @@ HELD_BY = {
         "Positions in worlds and maps": ("test_a_mistake_in_a_world_file_is_found_where_it_stands",),
         "A node responds with a survivor": (
             "test_a_survivor_where_nobody_can_be_is_no_answer", "test_a_survivor_beyond_the_map_is_no_answer",
-            "test_any_answer_about_a_survivor_and_any_map_are_judged", "test_the_numbers_on_the_page_are_those_of_the_code",
+            "test_any_answer_about_a_survivor_and_any_map_are_judged", "test_limits_on_security_page_match_code",
         ),
         "A node reports a survivor without a position": ("test_does_not_acknowledge_a_report_at_no_position",),
         "A node sends an error text": ("test_any_end_of_a_drive_is_a_line", "test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log"),
@@ -156,7 +156,7 @@ HELD_BY = {
         ),
         "A second Ctrl-C or SIGTERM": (
             "test_it_ends_a_run_whose_leaf_blocks_and_its_goal_is_cancelled", "test_it_ends_a_command_that_blocks_while_it_imports",
-            "test_two_signals_at_once_are_one_request", "test_the_numbers_on_the_page_are_those_of_the_code",
+            "test_two_signals_at_once_are_one_request", "test_limits_on_security_page_match_code",
         ),
         "After SIGKILL": ("test_it_cancels_the_goal_of_a_mission_that_is_killed",),
         "A run with a journal": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
@@ -188,7 +188,7 @@ HELD_BY = {
         ),
         "A program that opens connections": (
             "test_connections_take_few_of_the_file_descriptors_of_the_mission", "test_a_browser_that_does_not_read_is_let_go_and_comes_again",
-            "test_the_numbers_on_the_page_are_those_of_the_code",
+            "test_limits_on_security_page_match_code",
         ),
         "A request for other files": ("test_nothing_else_can_be_reached",),
         "Keep the domain on the machine": ("test_the_range_is_this_machine_otherwise",),
@@ -216,11 +216,11 @@ HELD_BY = {
         "The other participants also drop": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
     },
 }  # fmt: skip
-PAGES = tuple(HELD_BY)
+PAGES = tuple(TESTED_BY)
 
 
 def statements(page: Path) -> list[str]:
-    """Return the sentences of a page's paragraphs and lists, and the first cells of rows that name no test, links by their texts."""
+    """Return the sentences of a page's paragraphs and lists, and the first cells of rows that name no test; links become their texts."""
     rows = [row for row in tables(page) if page != RELIABILITY or promise(row[0], row[2]) not in PROMISES]
     found = [_without_links(cells[0]) for _, _, cells in rows if not _names_tests(cells[-1])]
     in_rows = {number for _, number, _ in tables(page)}
@@ -248,28 +248,28 @@ def _names_tests(cell: str) -> bool:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_every_statement_is_held_by_a_test_or_states_no_behaviour(page):
-    known = [*HELD_BY[page], *NO_BEHAVIOUR[page]]
+def test_every_statement_has_a_test_or_states_no_behaviour(page):
+    known = [*TESTED_BY[page], *NO_BEHAVIOUR[page]]
     assert [each for each in statements(page) if not any(each.startswith(start) for start in known)] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_every_beginning_is_that_of_one_statement(page):
+def test_every_listed_beginning_matches_exactly_one_statement(page):
     counts = {
         start: sum(each.startswith(start) for each in statements(page))
-        for start in (*HELD_BY[page], *NO_BEHAVIOUR[page])
+        for start in (*TESTED_BY[page], *NO_BEHAVIOUR[page])
     }
     assert {start: count for start, count in counts.items() if count != 1} == {}
 
 
-def test_the_tests_of_every_statement_exist():
-    held = [(page.stem, start, named) for page in PAGES for start, named in HELD_BY[page].items()]
+def test_tests_of_every_statement_exist():
+    held = [(page.stem, start, named) for page in PAGES for start, named in TESTED_BY[page].items()]
     assert [(page, start) for page, start, named in held if not named] == []
     assert [(*each, name) for *each, named in held for name in named if name not in all_tests()] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_every_row_has_the_cells_of_its_head(page):
+def test_every_table_row_has_as_many_cells_as_its_header(page):
     head, wrong = None, []
     for number, line in prose(page):
         cells = len(re.split(r"(?<!\\)\|", line.strip())) if line.startswith("|") else None
@@ -279,7 +279,7 @@ def test_every_row_has_the_cells_of_its_head(page):
     assert wrong == []
 
 
-def test_the_numbers_on_the_page_are_those_of_the_code():
+def test_limits_on_security_page_match_code():
     text = SECURITY.read_text(encoding="utf-8")
     mebibytes = 2**20
     for said, number in (

@@ -1,4 +1,4 @@
-"""Every command that the documentation shows is one that can be typed."""
+"""Tests of the commands in the documentation: they parse, and the files and targets that they name exist."""
 
 import ast
 import re
@@ -15,7 +15,7 @@ from tests.docs.markdown import PAGES, codes, commands, tables
 from tests.launch.launch_file import LaunchFile
 
 ALL = [command for page in PAGES for command in commands(page)]
-OURS = {
+PROJECT_COMMANDS = {
     script.name
     for script in entry_points(group="console_scripts")
     if script.value.startswith(("sar_compiler.", "search_and_rescue."))
@@ -33,15 +33,15 @@ def program(command):
     return command.words[0].removeprefix(".venv/bin/")
 
 
-def of(*programs):
-    """Return the commands that begin with one of some programs."""
+def commands_of(*programs):
+    """Return the documented commands of some programs."""
     chosen = [command for command in ALL if program(command) in programs]
     assert chosen, f"the documentation never shows {programs}"
     return chosen
 
 
 def parse(command):
-    """Have the command's own parser read its arguments; a mistake is a SystemExit."""
+    """Parse a command's arguments with its own parser. A usage error raises SystemExit."""
     name, arguments = program(command), command.words[1:]
     if name == "sar-run":
         sar_run._options(arguments)
@@ -55,8 +55,8 @@ def parse(command):
         assert split_arguments(arguments).own in ([], ["--help"]), f"{name} takes ROS arguments only"
 
 
-def refused(command):
-    """Return whether a command's own parser refuses it; `--help` ends in order."""
+def is_refused(command):
+    """Return whether a command's own parser refuses it; `--help` exits with 0."""
     try:
         parse(command)
     except SystemExit as end:
@@ -64,13 +64,13 @@ def refused(command):
     return False
 
 
-def test_every_command_of_the_project_parses_with_its_own_parser():
-    assert [str(command) for command in of(*OURS) if refused(command)] == []
+def test_every_documented_project_command_parses():
+    assert [str(command) for command in commands_of(*PROJECT_COMMANDS) if is_refused(command)] == []
 
 
-def test_the_ros_arguments_of_every_command_have_the_form_of_ros():
+def test_ros_arguments_of_documented_commands_are_well_formed():
     wrong = []
-    for command in of(*OURS):
+    for command in commands_of(*PROJECT_COMMANDS):
         for flag, value in list(pairwise([*split_arguments(command.words[1:]).ros, ""]))[::2]:
             known = flag in {"--params-file", "--log-level"}
             if not known and not re.fullmatch(_RULES.get(flag, "(?!)"), value):
@@ -78,20 +78,20 @@ def test_the_ros_arguments_of_every_command_have_the_form_of_ros():
     assert wrong == []
 
 
-def test_the_files_that_commands_name_are_there():
+def test_files_named_in_documented_commands_exist():
     missing = []
-    for command in of("python", "python3", "bash", "sh", *OURS):
-        outputs = written(command)
+    for command in commands_of("python", "python3", "bash", "sh", *PROJECT_COMMANDS):
+        outputs = output_files(command)
         named = [
             found[1] for word in command.words[1:] if word not in outputs and (found := FILE.fullmatch(word))
         ]
         modules = [value for flag, value in pairwise(command.words) if flag == "--nodes"]
-        missing += [f"{command}: {name}" for name in named if not there(command, name)]
-        missing += [f"{command}: {name}" for name in modules if not module_there(command, name)]
+        missing += [f"{command}: {name}" for name in named if not file_exists(command, name)]
+        missing += [f"{command}: {name}" for name in modules if not module_exists(command, name)]
     assert missing == []
 
 
-def written(command):
+def output_files(command):
     """Return the files that a command writes."""
     flags = {"-o", "--output", "--report"}
     outputs = {value for flag, value in pairwise(command.words) if flag in flags}
@@ -101,22 +101,22 @@ def written(command):
     return outputs
 
 
-def there(command, name):
+def file_exists(command, name):
     return Path(name).exists() or name in command.made
 
 
-def module_there(command, name):
+def module_exists(command, name):
     path = name.replace(".", "/")
-    return there(command, f"{path}.py") or there(command, f"{path}/__init__.py")
+    return file_exists(command, f"{path}.py") or file_exists(command, f"{path}/__init__.py")
 
 
-def test_the_targets_that_make_is_asked_for_exist():
+def test_documented_make_targets_exist():
     makefile = Path("Makefile").read_text(encoding="utf-8")
     targets = {word for line in re.findall(r"^([\w -]+):", makefile, re.MULTILINE) for word in line.split()}
     variables = set(re.findall(r"^(\w+) [?:]?=", makefile, re.MULTILINE))
     unknown = [
         f"{command}: {word}"
-        for command in of("make")
+        for command in commands_of("make")
         for word in command.words[1:]
         if (word.split("=")[0] not in variables if "=" in word else word not in targets)
     ]
@@ -126,16 +126,16 @@ def test_the_targets_that_make_is_asked_for_exist():
 ROS2 = [command for command in ALL if command.words[0] == "ros2" and "sar_compiler" in command.words]
 
 
-def test_what_ros2_runs_is_a_command_of_the_package():
+def test_documented_ros2_run_commands_exist_and_parse():
     runs = [command for command in ROS2 if command.words[1] == "run"]
     assert runs
-    assert [str(command) for command in runs if command.words[3] not in OURS] == []
+    assert [str(command) for command in runs if command.words[3] not in PROJECT_COMMANDS] == []
     for command in runs:
         if command.words[3] == "sar-run":
             sar_run._options(command.words[4:])
 
 
-def test_what_ros2_launches_is_a_launch_file_that_declares_the_arguments():
+def test_documented_ros2_launch_arguments_are_declared():
     wrong = []
     for command in ROS2:
         if command.words[1] == "launch":
@@ -153,14 +153,14 @@ def declared_arguments(launch_file):
     declared = LaunchFile(launch_file).declared()
     if all(name.isidentifier() for name in declared):
         return declared
-    # A table of texts has the others.
+    # The other names are strings in a table of the launch file.
     texts = (node for node in ast.walk(ast.parse(launch_file.read_text(encoding="utf-8"))))
     return declared | {
         node.value for node in texts if isinstance(node, ast.Constant) and isinstance(node.value, str)
     }
 
 
-def test_the_table_of_the_launch_file_s_arguments_is_complete():
+def test_launch_file_argument_table_is_complete():
     path = Path("launch/search_and_rescue.launch.py")
     declared = {
         node.args[0].value

@@ -1,4 +1,4 @@
-"""The page of the commands is made of their parsers: each command, argument, choice and default, as `--help` has it."""
+"""Tests of the commands page: it is generated from the parsers, with each command, argument, choice and default."""
 
 import argparse
 import os
@@ -29,8 +29,8 @@ PARSERS = [
 ]
 SCREEN = {"sar-run": 45}
 """The lines of a command's help that fit one screen of 80 columns; 50 for the others."""
-# The pages that say more, by command, or command and option.
-MORE = {
+# Pages with more information, by command, or by command and option.
+FURTHER_PAGES = {
     "sar-compile validate": ["tree-files.md", "configuration.md"],
     "sar-compile validate --fix": ["configuration.md#changes-made-by---fix"],
     "sar-compile validate --print-fixed": ["../how-to/agents.md#fixing"],
@@ -91,7 +91,7 @@ You can also set these options for all trees of a project in its [configuration]
 
 
 def page():
-    """Return the page, as the parsers make it."""
+    """Generate the page from the parsers."""
     project = argparse.ArgumentParser(add_help=False)
     add_project_options(project)
     every = [section(parser, f"## {parser.prog}", parser.prog) for parser in PARSERS]
@@ -99,8 +99,8 @@ def page():
 
 
 def section(parser, heading, prog):
-    """Return what the page says of a command, and of each of its subcommands."""
-    about = f"{prose(parser.description)}{links_of(prog, ' See')}"
+    """Return the section about a command, and the sections about its subcommands."""
+    about = f"{prose(parser.description)}{links_to_further_pages(prog, ' See')}"
     parts = [
         heading,
         about if about.endswith(".") else f"{about}.",
@@ -114,7 +114,7 @@ def section(parser, heading, prog):
 
 
 def epilog(text):
-    """Return the end of a help text, with a table of its exit statuses."""
+    """Return the epilog of a help text, with its exit statuses as a table."""
     before, sign, statuses = prose(text).partition("Exit status: ")
     rows = re.findall(r"([\d, ]*\d) (?:for )?(.*?)(?:; |\.$)", statuses)
     listed = "".join(f"| {status} | {meaning} |\n" for status, meaning in rows)
@@ -122,7 +122,7 @@ def epilog(text):
 
 
 def table(parser, prog):
-    """Return the list of a parser's arguments; those that add to the project's configuration in one row."""
+    """Return the list of a parser's arguments, with the shared project options in one item."""
     shared = [
         action
         for group in parser._action_groups
@@ -130,7 +130,7 @@ def table(parser, prog):
         for action in group._group_actions
     ]
     rows = [
-        f"- **{named(action)}**: {meaning(parser, action)}{links_of(' '.join([prog, *action.option_strings[:1]]), '; see')}"
+        f"- **{argument_form(action)}**: {meaning(parser, action)}{links_to_further_pages(' '.join([prog, *action.option_strings[:1]]), '; see')}"
         for action in arguments(parser)
         if action not in shared
     ]
@@ -143,7 +143,7 @@ def table(parser, prog):
 
 
 def arguments(parser):
-    """Return the arguments of a parser that no other command has just so."""
+    """Return the arguments of a parser, without subcommands and the options that every command has."""
     return [
         each
         for each in parser._actions
@@ -152,8 +152,8 @@ def arguments(parser):
     ]
 
 
-def named(action):
-    """Return how an argument is written, with its value."""
+def argument_form(action):
+    """Return an argument as it is typed, with its value."""
     value = action.metavar or "|".join(action.choices or ()) or action.dest.upper()
     if action.nargs == 0:
         value = ""
@@ -166,7 +166,7 @@ def named(action):
 
 
 def meaning(parser, action):
-    """Return what an argument means, and with which it cannot be used."""
+    """Return the help of an argument, and the arguments that exclude it."""
     others = [
         f"`{other.option_strings[0]}`"
         for group in parser._mutually_exclusive_groups
@@ -179,25 +179,25 @@ def meaning(parser, action):
 
 
 def prose(text):
-    """Return a text of `--help` for Markdown, with the options in it as code."""
+    """Return a help text as Markdown, with its options as code."""
     text = re.sub(r"(?<![\w-])-(-[a-z]\w*)+(-\w+)*", lambda found: f"`{found[0]}`", text)
     return text.replace("<", "\\<").replace("][", "]\\[")
 
 
-def links_of(key, before):
-    """Return the links to the pages that say more, with what stands before them; nothing where there are none."""
-    found = [f"[{title(goal)}]({goal})" for goal in MORE.get(key, ())]
+def links_to_further_pages(key, before):
+    """Return the links to further pages after a prefix; an empty string if there are none."""
+    found = [f"[{title(goal)}]({goal})" for goal in FURTHER_PAGES.get(key, ())]
     return f"{before} {', '.join(found)}" if found else ""
 
 
 def title(goal):
-    """Return the heading that a link leads to."""
+    """Return the heading at the target of a link."""
     path, _, anchor = goal.partition("#")
     found = headings(PAGE.parent / path)
     return next(text for slug, text in found if anchor in ("", slug))
 
 
-def test_the_page_is_made_of_the_parsers_and_reviewed():
+def test_commands_page_matches_parsers_as_reviewed():
     made = page()
     if os.environ.get(RENEW):
         PAGE.write_text(made, encoding="utf-8")
@@ -213,38 +213,40 @@ def test_every_console_command_is_on_the_page():
     assert {parser.prog for parser in PARSERS} == scripts
 
 
-def every_parser(parser, prog):
+def walk_parsers(parser, prog):
     yield prog, parser
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for name, command in action.choices.items():
-                yield from every_parser(command, f"{prog} {name}")
+                yield from walk_parsers(command, f"{prog} {name}")
 
 
-EVERY = [each for root in PARSERS for each in every_parser(root, root.prog)]
-HELP_TEXTS = {prog: parser.format_help() for prog, parser in EVERY}
+ALL_PARSERS = [each for root in PARSERS for each in walk_parsers(root, root.prog)]
+HELP_TEXTS = {prog: parser.format_help() for prog, parser in ALL_PARSERS}
 for each in PARSERS:
     each.show_all()
 
 
 @pytest.mark.parametrize("prog", HELP_TEXTS)
-def test_the_help_of_a_command_fits_one_screen(prog):
+def test_command_help_fits_one_screen(prog):
     lines = HELP_TEXTS[prog].splitlines()
     assert max(map(len, lines)) <= 80
     assert len(lines) <= SCREEN.get(prog, 50), HELP_TEXTS[prog]
 
 
-def test_no_two_arguments_of_a_command_say_that_they_mean_the_same():
-    said = [(prog, action.help) for prog, parser in EVERY for action in arguments(parser) if action.help]
+def test_no_two_arguments_of_a_command_have_the_same_help():
+    said = [
+        (prog, action.help) for prog, parser in ALL_PARSERS for action in arguments(parser) if action.help
+    ]
     assert [each for each in said if said.count(each) > 1] == []
 
 
-def test_every_argument_says_what_it_means_and_its_default():
+def test_every_argument_has_help_that_names_its_default():
     silent = [
-        (prog, named(action))
-        for prog, parser in EVERY
+        (prog, argument_form(action))
+        for prog, parser in ALL_PARSERS
         for action in arguments(parser)
-        if not action.help or (is_value(action.default) and not says(action.help, action.default))
+        if not action.help or (is_value(action.default) and not names_default(action.help, action.default))
     ]
     assert silent == []
 
@@ -253,20 +255,20 @@ def is_value(default):
     return default not in (None, False, [], argparse.SUPPRESS)
 
 
-def says(text, default):
-    """Return whether a help text says a default; that it is as many as there are processors, in words."""
+def names_default(text, default):
+    """Return whether a help text contains a default, as a value or in words such as the number of processors."""
     value = ",".join(f"{each:g}" for each in default) if isinstance(default, tuple) else default
     value = f"{value:g}" if isinstance(value, float) else value
     return f"default {value}" in text or "(default: " in text or ("default)" in text and str(value) in text)
 
 
-def test_every_page_that_says_more_is_of_a_command_or_option_that_exists():
-    known = {prog for root in PARSERS for prog, _ in every_parser(root, root.prog)}
+def test_further_pages_belong_to_existing_commands_and_options():
+    known = {prog for root in PARSERS for prog, _ in walk_parsers(root, root.prog)}
     known |= {
         f"{prog} {action.option_strings[0]}"
         for root in PARSERS
-        for prog, parser in every_parser(root, root.prog)
+        for prog, parser in walk_parsers(root, root.prog)
         for action in arguments(parser)
         if action.option_strings
     }
-    assert set(MORE) <= known
+    assert set(FURTHER_PAGES) <= known

@@ -1,4 +1,4 @@
-"""The page about flights that are compared with proofs does what it says."""
+"""Tests of the how-to page about comparing runs: its commands print the shown output."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ PAGE = Path("docs/how-to/compare-runs.md").resolve()
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_the_page_about_comparing_flights_with_proofs_does_what_it_says(tmp_path):
+def test_commands_on_compare_runs_page_print_shown_output(tmp_path):
     typed, otherwise = follow(PAGE, tmp_path)
     assert typed == 4
     assert otherwise == [], "\n".join(otherwise)

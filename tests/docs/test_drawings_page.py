@@ -1,4 +1,4 @@
-"""The drawings in the documentation are what the project draws."""
+"""Tests of the pictures, drawings and figures in the documentation: they match the current project."""
 
 import json
 import re
@@ -16,7 +16,7 @@ PAGE = Path("docs/how-to/draw-a-tree.md")
 _IMAGE = re.compile(r"!\[[^\]]+\]\(([^)\s]+)\)|<(?:img|source)[^>]* src(?:set)?=\"([^\"]+)\"")
 
 
-def test_every_picture_is_what_the_tree_looks_like():
+def test_tree_pictures_match_current_trees():
     pictures = runpy.run_path("docs/pictures/trees.py")["pictures"]()
     old = [path.name for path, drawn in pictures.items() if path.read_text(encoding="utf-8") != drawn]
     assert old == [], "make pictures draws them anew"
@@ -28,7 +28,7 @@ def test_pictures_are_small():
     assert [path.name for path in pictures if path.stat().st_size >= 200_000] == []
 
 
-def test_every_picture_of_a_page_is_there():
+def test_every_picture_on_a_page_exists():
     missing = [
         (str(page), each)
         for page in PAGES
@@ -38,7 +38,7 @@ def test_every_picture_of_a_page_is_there():
     assert missing == []
 
 
-def test_the_page_shows_one_tree_in_every_language():
+def test_drawing_page_shows_tree_in_each_format():
     tree = compile_for_test("examples/decorators/retry.xml", nodes=["examples.decorators.leaves"])
     shown = [(block.language, block.text) for block in blocks(PAGE)][1:]
     assert shown == [
@@ -59,15 +59,15 @@ README = Path("README.md").read_text(encoding="utf-8")
         ("the result of a goal to the next goal", r"is sent ([\d.]+) ms after"),
     ],
 )
-def test_a_figure_of_the_readme_is_that_of_the_benchmarks(row, said):
-    """Within the factor by which `make bench` finds a row worse."""
+def test_readme_figure_matches_recorded_benchmark(row, said):
+    """Allow the factor above which `make bench` reports a slower row."""
     results = json.loads(Path("benchmarks/recorded.json").read_text(encoding="utf-8"))["results"]
     [figure] = re.findall(said, README)
     [measured, *_], *_ = results[row]
     assert 1 / 1.5 <= float(figure) / measured <= 1.5
 
 
-def test_the_numbers_of_the_readme_are_those_of_the_findings_the_traces_and_the_proofs():
+def test_readme_counts_match_findings_traces_and_proofs():
     [kinds] = re.findall(r"(\d+) kinds of findings", README)
     assert int(kinds) == (len(list(Path("docs/findings").glob("*.md"))) - 1) // 10 * 10
     traces = [

@@ -1,4 +1,4 @@
-"""Every kind of finding has a page whose example brings that finding, and whose better example does not."""
+"""Tests of the pages about findings: the bad example of each page produces the finding, the good example produces none."""
 
 import ast
 import os
@@ -23,8 +23,8 @@ TABLE = PAGES / "README.md"
 CODES = list(KINDS)
 _SECTIONS = ["Bad", "Finding", "Good"]
 _PLACE = re.compile(r"(?<![\w.])\S+:\d+:\d+: (error|warning|info)\[([a-z-]+)\]: ")
-# Functions that take the code of a finding, and its message.
-_MAKERS = {
+# Functions whose arguments are the code of a finding and its message.
+_FINDING_FACTORIES = {
     "Diagnostic",
     "SchemaViolation",
     "add",
@@ -35,11 +35,11 @@ _MAKERS = {
     "_refuse",
     "_report",
 }
-# One command that can be run in this process: modules of leaves would stay imported.
+# A single command that can run in this process. With --nodes it could not, because the modules would stay imported.
 ALONE = re.compile(r"sar-compile (?!.*--nodes)[^\n|>;&$]*\n")
 # The title of a page and the severity below it.
 _HEAD = re.compile(r"\A# .*\n\n\*\w+\*\n")
-_UNSHOWN = re.compile(r"\[INFO\]|[\d,]+ (error|warning|info)s?\b.* in \d+ files?\b")
+_OMITTED = re.compile(r"\[INFO\]|[\d,]+ (error|warning|info)s?\b.* in \d+ files?\b")
 _CODE = re.compile(r"[a-z]+(-[a-z]+)*")
 # A command may have to start ROS first.
 _TIMEOUT_SEC = 120.0
@@ -47,17 +47,17 @@ _TIMEOUT_SEC = 120.0
 
 @dataclass
 class Page:
-    """A page, as it is worked through."""
+    """A page about a finding, with the code blocks of its sections."""
 
     text: str
     sections: dict[str, list[Block]]
 
     def commands(self, section: str) -> str | None:
-        """Return the commands of a section; None where the file is simply validated."""
+        """Return the commands of a section; None if the example is only validated."""
         return next((block.text for block in self.sections[section] if block.language == "sh"), None)
 
     def shown(self) -> str:
-        """Return what the page shows of the output."""
+        """Return the output that the page shows."""
         return next(block.text for block in self.sections["Finding"] if block.language == "text")
 
 
@@ -74,7 +74,7 @@ def page_of(code):
 
 
 def write(files, folder, default):
-    """Write the files of a section; return the name of the tree file among them that has no other name."""
+    """Write the files of a section; return the name of the file whose stem is the default, or the default."""
     written = default
     for block in files:
         if block.language in {"sh", "text"}:
@@ -87,7 +87,7 @@ def write(files, folder, default):
 
 
 def seen(commands, name, folder, monkeypatch):
-    """Do what a section says, in a process of its own where it takes more than one command, or leaves of its own."""
+    """Return the output of a section's commands. Several commands, or commands with --nodes, run in a new process."""
     line = commands or f"sar-compile validate {name}\n"
     if ALONE.fullmatch(line):
         monkeypatch.chdir(folder)
@@ -110,15 +110,15 @@ def seen(commands, name, folder, monkeypatch):
     return done.stdout
 
 
-def flies(code):
+def needs_ros(code):
     return "sar-run" in (PAGES / f"{code}.md").read_text(encoding="utf-8")
 
 
-EACH = [pytest.param(code, marks=[pytest.mark.ros] if flies(code) else []) for code in CODES]
+CODE_PARAMETERS = [pytest.param(code, marks=[pytest.mark.ros] if needs_ros(code) else []) for code in CODES]
 
 
-@pytest.mark.parametrize("code", EACH)
-def test_the_bad_example_of_a_page_brings_the_finding_that_it_shows(code, tmp_path, monkeypatch):
+@pytest.mark.parametrize("code", CODE_PARAMETERS)
+def test_bad_example_produces_shown_finding(code, tmp_path, monkeypatch):
     page = page_of(code)
     name = write(page.sections["Bad"], tmp_path, "bad")
     output = seen(page.commands("Finding"), name, tmp_path, monkeypatch)
@@ -126,8 +126,8 @@ def test_the_bad_example_of_a_page_brings_the_finding_that_it_shows(code, tmp_pa
     assert set(_PLACE.findall(output)) == {(SEVERITIES[code].value, code)}
 
 
-@pytest.mark.parametrize("code", EACH)
-def test_the_good_example_of_a_page_has_no_findings(code, tmp_path, monkeypatch):
+@pytest.mark.parametrize("code", CODE_PARAMETERS)
+def test_good_example_has_no_findings(code, tmp_path, monkeypatch):
     page = page_of(code)
     write(page.sections["Bad"], tmp_path, "bad")
     name = write(page.sections["Good"], tmp_path, "good")
@@ -138,12 +138,12 @@ def test_the_good_example_of_a_page_has_no_findings(code, tmp_path, monkeypatch)
 
 
 def plain(output):
-    """Return what a command printed without the log of ROS, which has the time in it, and without the counts."""
-    kept = (f"{line.rstrip()}\n" for line in output.splitlines() if not _UNSHOWN.match(line))
+    """Return the output of a command without ROS log lines, which contain times, and without counts."""
+    kept = (f"{line.rstrip()}\n" for line in output.splitlines() if not _OMITTED.match(line))
     return "".join(kept).rstrip("\n")
 
 
-def test_the_head_of_every_page_is_as_declared_and_reviewed():
+def test_head_of_every_page_matches_declaration_as_reviewed():
     old = []
     for code in CODES:
         head, path = f"# `{code}`\n\n*{SEVERITIES[code].value}*\n", PAGES / f"{code}.md"
@@ -155,7 +155,7 @@ def test_the_head_of_every_page_is_as_declared_and_reviewed():
     assert old == [], "renew them: make schemas"
 
 
-def test_the_list_of_findings_is_as_declared_and_reviewed():
+def test_list_of_findings_matches_declarations_as_reviewed():
     rows = (f"- **[`{code}`]({code}.md)** ({SEVERITIES[code].value}): {KINDS[code]}\n" for code in CODES)
     sign = "<!-- Made of the kinds of findings by `make schemas`. -->\n"
     above = TABLE.read_text(encoding="utf-8").partition(sign)[0]
@@ -165,12 +165,12 @@ def test_the_list_of_findings_is_as_declared_and_reviewed():
     assert TABLE.read_text(encoding="utf-8") == wanted, "renew it: make schemas"
 
 
-def test_every_page_is_of_a_kind_of_finding():
+def test_every_page_documents_a_finding_code():
     assert sorted(path.stem for path in PAGES.glob("*.md") if path != TABLE) == CODES
 
 
 def constants(node):
-    """Yield the texts that an expression may be."""
+    """Yield the finding codes that an expression can evaluate to."""
     if isinstance(node, ast.IfExp):
         yield from (*constants(node.body), *constants(node.orelse))
     elif isinstance(node, ast.Constant) and isinstance(node.value, str) and _CODE.fullmatch(node.value):
@@ -178,28 +178,28 @@ def constants(node):
 
 
 def codes_in(path):
-    """Yield the codes that a module makes findings with, as arguments of such calls and as what `code` is set to."""
+    """Yield the codes of a module's findings: first arguments of factory calls, and values assigned to `code`."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Call):
             called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            if called in _MAKERS and len(node.args) > 1:
+            if called in _FINDING_FACTORIES and len(node.args) > 1:
                 yield from constants(node.args[0])
         elif isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "code":
             yield from constants(node.value)
 
 
-def test_every_code_in_the_sources_is_declared_and_every_kind_is_made_somewhere():
+def test_codes_in_sources_match_declared_kinds():
     made = {code for path in Path("sar_compiler").rglob("*.py") for code in codes_in(path)}
     assert sorted(made) == CODES
 
 
-def test_explain_prints_the_page(capsys):
+def test_explain_prints_page(capsys):
     code = CODES[0]
     assert main(["explain", code]) == 0
     assert capsys.readouterr().out == (PAGES / f"{code}.md").read_text(encoding="utf-8")
 
 
-def test_explain_of_an_unknown_code_suggests_the_nearest(capsys):
+def test_explain_suggests_nearest_code_for_unknown_one(capsys):
     assert main(["explain", "unknown-nod"]) == 2
     error = "sar-compile: there is no finding code 'unknown-nod'; did you mean 'unknown-node'?\n"
     assert capsys.readouterr().err == error

@@ -1,4 +1,4 @@
-"""The operator's first mission shows the texts that the page quotes, and rehearses a low battery as it says."""
+"""Tests of the page about an operator's first mission: its quotes are in the sources, and the rehearsal of a low battery works."""
 
 import re
 import shutil
@@ -16,7 +16,7 @@ SUFFIXES = {".py", ".js", ".jinja", ".html"}
 TEXT = PAGE.read_text(encoding="utf-8")
 
 
-def quoted(section):
+def quotes_in(section):
     """Return the quoted texts of a section, without commands."""
     prose = re.sub(r"^```.*?^```", "", TEXT, flags=re.MULTILINE | re.DOTALL)
     found = re.search(rf"^## {section}\n(.*?)(?=^## |\Z)", prose, re.MULTILINE | re.DOTALL)
@@ -24,11 +24,11 @@ def quoted(section):
     return [code for code in codes(found[1]) if " " in code and not code.startswith(("sar-", "pkill"))]
 
 
-# What the sources have in place of a value: the robot's name, a zone's name, a time.
+# Values that the sources insert: the robot's name, a zone's name, a time.
 _VALUES = re.compile(r"^The robot(?= has)|zone_\w+|\d:\d\d")
 
 
-def test_every_sentence_that_the_page_quotes_is_printed_by_the_project():
+def test_every_quoted_sentence_is_in_the_sources():
     sources = "\n".join(
         path.read_text(encoding="utf-8").lower()
         for folder in FOLDERS
@@ -36,7 +36,7 @@ def test_every_sentence_that_the_page_quotes_is_printed_by_the_project():
         if path.suffix in SUFFIXES
     )
     quotes = [
-        text for section in ("Send commands", "Read the report", "No contact") for text in quoted(section)
+        text for section in ("Send commands", "Read the report", "No contact") for text in quotes_in(section)
     ]
     parts = [
         part.strip(" .").lower() for text in quotes for part in re.split(r"(?<=\.) ", _VALUES.sub("", text))
@@ -46,10 +46,10 @@ def test_every_sentence_that_the_page_quotes_is_printed_by_the_project():
 
 
 @pytest.mark.ros
-def test_a_low_battery_is_rehearsed_as_the_page_says(tmp_path):
+def test_low_battery_rehearsal_works_as_documented(tmp_path):
     (block,) = [each for each in blocks(PAGE) if "low.yaml" in each.text]
     make, run = block.text.splitlines()
-    (tmp_path / ".git").mkdir()  # a world may name a map in its repository
+    (tmp_path / ".git").mkdir()  # a world can name any map in its repository
     for folder in ("worlds", "maps"):
         shutil.copytree(folder, tmp_path / folder)
     subprocess.run(["/bin/bash", "-c", make], cwd=tmp_path, check=True)
@@ -62,7 +62,7 @@ def test_a_low_battery_is_rehearsed_as_the_page_says(tmp_path):
         text=True,
         check=False,
     )
-    (alarm,) = quoted("Rehearse a low battery")
+    (alarm,) = quotes_in("Rehearse a low battery")
     pattern = re.escape(alarm).replace("19\\.9", r"19\.\d")
     assert done.returncode == 1, done.stderr
     assert re.search(f"zone_c and zone_d were abandoned: {pattern}", done.stdout), done.stdout

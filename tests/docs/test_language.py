@@ -1,4 +1,4 @@
-"""The page about the language: nothing forgotten, nothing made up, and its example runs."""
+"""Tests of the language page: it lists all nodes, attributes and limits, and its example runs."""
 
 import importlib.util
 import re
@@ -25,39 +25,39 @@ from tests.docs.markdown import blocks, codes, prose, tables
 
 PAGE = Path("docs/reference/language.md")
 TAGS = {spec.tag for spec in default_registry()} | {SUBTREE_TAG}
-# Tags that the page names because they are not there.
+# Tags that the page names because the project lacks them.
 ABSENT = {"ManualSelector", "ConsumeQueue"}
-# Words that look like tags and are none.
+# Words that look like tags but are not.
 OTHERS = {
     *("BehaviorTree", "TreeNodesModel", "MetadataFields", "Action", "Control", "Decorator", "DOCTYPE"),
     *("Say", "Input", "Output", "InOut", "SkippableLeaf", "SKIPPED", "True", "False", "TRUE", "FALSE"),
 }
 
 
-def written():
+def codes_on_page():
     return [code for _, line in prose(PAGE) for code in codes(line)]
 
 
-def test_every_node_that_is_registered_stands_on_the_page():
-    assert set(written()) >= TAGS
+def test_every_registered_node_is_on_the_page():
+    assert set(codes_on_page()) >= TAGS
 
 
 def test_every_node_on_the_page_is_registered():
-    named = {code for code in written() if re.fullmatch(r"[A-Z][A-Za-z]*[a-z]\d?", code)} - OTHERS
+    named = {code for code in codes_on_page() if re.fullmatch(r"[A-Z][A-Za-z]*[a-z]\d?", code)} - OTHERS
     assert named - ABSENT == TAGS & named
     assert not ABSENT & TAGS
 
 
 @pytest.mark.parametrize("names", [CONDITIONS, NOTES, ROOT_ATTRIBUTES], ids=["conditions", "notes", "root"])
-def test_every_attribute_of_any_node_stands_on_the_page(names):
-    assert set(written()) >= set(names)
+def test_every_common_attribute_is_on_the_page(names):
+    assert set(codes_on_page()) >= set(names)
 
 
-def test_the_attributes_of_an_include_stand_on_the_page():
-    assert all(any(name in code for code in written()) for name in INCLUDE_ATTRIBUTES)
+def test_include_attributes_are_on_the_page():
+    assert all(any(name in code for code in codes_on_page()) for name in INCLUDE_ATTRIBUTES)
 
 
-def test_every_row_says_how_it_is_here():
+def test_every_row_compares_with_behaviortree_cpp():
     points = [
         (line, cells)
         for heading, line, cells in tables(PAGE)
@@ -72,7 +72,7 @@ def limits():
     return {cells[0]: cells[1] for heading, _, cells in tables(PAGE) if heading == "Limits"}
 
 
-def test_the_limits_are_those_of_the_code():
+def test_limits_match_code():
     figures = [
         opener.TREE.limit // 2**20,
         content.MAX_ELEMENTS,
@@ -92,7 +92,7 @@ def test_the_limits_are_those_of_the_code():
     assert [int(re.sub(r"\D", "", text)) for text in limits().values()] == figures
 
 
-def test_a_whole_number_has_as_many_digits_as_the_page_says():
+def test_integer_has_at_most_100_digits():
     whole = value_type_of(int)
     assert whole is not None
     assert whole.convert("9" * 100)
@@ -121,13 +121,13 @@ def example(tmp_path, monkeypatch):
     return registry, Forest.from_file(parse_xml(named("ports.xml"), "ports.xml"))
 
 
-def test_the_example_of_ports_is_correct(example):
+def test_ports_example_has_no_findings(example):
     registry, tree = example
     assert check(tree, registry) == []
     assert preview_tree(bind_main(tree, registry)).root.name == "Sequence"
 
 
-def test_the_example_of_ports_does_what_the_page_says(example):
+def test_ports_example_behaves_as_documented(example):
     registry, tree = example
     compiled = compile_tree(bind_main(tree, registry), {}, {"largest": 20})
     compiled.root.tick_once()

@@ -1,4 +1,4 @@
-"""The three leaves that `docs/how-to/write-a-leaf.md` begins with, as printed, against small servers over DDS."""
+"""Tests of the first three leaves in `docs/how-to/write-a-leaf.md`, as printed, against small servers over DDS."""
 
 import ast
 import importlib
@@ -38,20 +38,20 @@ def stage():
     context.try_shutdown()
 
 
-def test_there_is_one_for_each_base():
+def test_page_has_one_leaf_for_each_base_class():
     bases = [ast.unparse(node.bases[0]) for node in CLASSES.values()]
     assert bases == ["ActionLeaf", "ServiceLeaf", "TopicLeaf"]
 
 
 @pytest.mark.parametrize("name", CLASSES)
-def test_each_takes_twenty_lines_at_most(name):
+def test_each_leaf_has_at_most_twenty_lines(name):
     first = CLASSES[name].decorator_list[0].lineno
     lines = SOURCE.splitlines()[first - 1 : CLASSES[name].end_lineno]
     assert len([line for line in lines if line.strip()]) <= 20
 
 
 @pytest.mark.ros
-def test_the_action_leaf_drives_to_what_its_ports_hold(rover, stage):
+def test_action_leaf_drives_to_position_from_its_ports(rover, stage):
     server = stage.nav_server()
     server.script = ["succeed"]
     assert stage.run(stage.take(rover.DriveTo("There", Input(1.5), Input(-0.5)))) is Status.SUCCESS
@@ -59,7 +59,7 @@ def test_the_action_leaf_drives_to_what_its_ports_hold(rover, stage):
 
 
 @pytest.mark.ros
-def test_the_service_leaf_hands_on_what_it_was_answered(rover, stage):
+def test_service_leaf_outputs_its_response(rover, stage):
     from lifecycle_msgs.srv import GetState
 
     from tests.missions.mission_stage import ScriptedService
@@ -74,7 +74,7 @@ def test_the_service_leaf_hands_on_what_it_was_answered(rover, stage):
 
 
 @pytest.mark.ros
-def test_the_topic_leaf_waits_for_a_pose_and_hears_one_from_before(rover, stage):
+def test_topic_leaf_waits_for_pose_and_receives_latched_pose(rover, stage):
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from rclpy.qos import DurabilityPolicy, QoSProfile
 

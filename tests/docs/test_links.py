@@ -1,4 +1,4 @@
-"""Nothing in the documentation leads nowhere."""
+"""Tests of the links in the documentation."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from tests.docs.markdown import PAGES, anchors, links
 FINDINGS = sorted(Path("docs/findings").glob("*.md"))
 
 
-def test_every_link_within_the_repository_leads_somewhere():
+def test_every_internal_link_has_a_target():
     dead = []
     for page in (*PAGES, *FINDINGS):
         for line, target in links(page):
@@ -20,7 +20,7 @@ def test_every_link_within_the_repository_leads_somewhere():
     assert dead == []
 
 
-def test_the_index_lists_every_page_of_the_documentation():
+def test_index_lists_every_page():
     index = Path("docs/README.md")
     listed = {index.parent / target.partition("#")[0] for _, target in links(index)}
     missing = [str(page) for page in PAGES if index.parent in page.parents and page not in {index, *listed}]

@@ -1,4 +1,4 @@
-"""The messages that the documentation explains are those that the project prints."""
+"""Tests that the project prints the messages that the documentation explains."""
 
 import ast
 import functools
@@ -18,11 +18,10 @@ TROUBLESHOOTING = Path("docs/operate/troubleshooting.md")
 PARAMETERS = Path("docs/reference/parameters.md")
 TREES = Path("docs/reference/tree-files.md")
 LEAVES = Path("docs/reference/leaf-classes.md")
-# The section of troubleshooting whose messages come from other programs, and those whose mistakes are made
-# in test_mistakes_typed.
-NOT_HERE = ("Messages of other programs", "Installing", "Wrong usage, status 2")
-# Beside Python, what else speaks to a user.
-ELSEWHERE = (Path("Makefile"),)
+# Sections of the troubleshooting page with messages of other programs, or with errors that test_mistakes_typed tests.
+OTHER_SECTIONS = ("Messages of other programs", "Installing", "Wrong usage, status 2")
+# Sources of messages other than Python modules.
+OTHER_SOURCES = (Path("Makefile"),)
 
 
 @functools.cache
@@ -32,7 +31,7 @@ def tree_of(path):
 
 
 def constants_of(path):
-    """Return the texts that a module gives names."""
+    """Return the string constants of a module by name."""
     return {
         target.id: node.value.value
         for node in tree_of(path).body
@@ -43,7 +42,7 @@ def constants_of(path):
 
 
 def imported_constants(path):
-    """Yield the texts that a module imports by name from others of the project."""
+    """Yield the string constants that a module imports from other modules of the project."""
     for node in tree_of(path).body:
         if isinstance(node, ast.ImportFrom) and node.module:
             other = Path(f"{node.module.replace('.', '/')}.py")
@@ -53,7 +52,7 @@ def imported_constants(path):
 
 
 def texts_of(path):
-    """Return the texts of a module; f-strings with what is filled in cut out, but for constants of the project."""
+    """Yield the strings of a module. An f-string is split at inserted values, except constants of the project."""
     constants = {**dict(imported_constants(path)), **constants_of(path)}
     for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -71,17 +70,17 @@ def piece_of(value, constants):
 
 @functools.cache
 def texts_of_the_source():
-    """Return all the texts in the source, by file."""
+    """Return all strings of the sources by file."""
     texts = {
         str(path): list(texts_of(path))
         for folder in ("sar_compiler", "search_and_rescue")
         for path in Path(folder).rglob("*.py")
     }
-    return texts | {str(path): [path.read_text(encoding="utf-8")] for path in ELSEWHERE}
+    return texts | {str(path): [path.read_text(encoding="utf-8")] for path in OTHER_SOURCES}
 
 
-def quoted(page, chosen):
-    """Return the messages in the first column of a page's tables under some headings."""
+def quoted_messages(page, chosen):
+    """Return the messages in the first column of a page's tables, with their locations, under chosen headings."""
     found = [
         (f"{page.name}:{line}", message)
         for heading, line, cells in tables(page)
@@ -92,11 +91,11 @@ def quoted(page, chosen):
     return found
 
 
-def test_every_message_that_is_explained_is_printed_by_the_project():
+def test_every_explained_message_is_in_the_sources():
     explained = [
-        *quoted(TROUBLESHOOTING, lambda heading: heading not in NOT_HERE),
-        *quoted(PARAMETERS, lambda heading: heading == "Mistakes in the whole file"),
-        *quoted(LEAVES, lambda heading: heading == "Refused definitions"),
+        *quoted_messages(TROUBLESHOOTING, lambda heading: heading not in OTHER_SECTIONS),
+        *quoted_messages(PARAMETERS, lambda heading: heading == "Mistakes in the whole file"),
+        *quoted_messages(LEAVES, lambda heading: heading == "Refused definitions"),
     ]
     wrong = []
     for place, message in explained:
@@ -111,8 +110,8 @@ def test_every_message_that_is_explained_is_printed_by_the_project():
 
 
 BASE = next(block.text for block in blocks(PARAMETERS) if block.file == "params.yaml")
-# Mistakes whose messages say all, so that the page need not.
-FURTHER = [
+# Errors whose messages are sufficient, so that the page does not explain them.
+UNDOCUMENTED_ERRORS = [
     ("zone_order: kitchen", "parameter zone_order: must be a list of zone ids, but is the string 'kitchen'"),
     ('zone_order: ["attic", "attic"]', "parameter zone_order: names 'attic' more than once"),
     (
@@ -138,17 +137,19 @@ FURTHER = [
     ("time_limit_sec: -1", "parameter time_limit_sec: must be seconds from 0 to 1000000000, but is -1"),
     ("use_sim_time: hello", "parameter use_sim_time must be true or false, but is 'hello'"),
 ]
-SHOWN = [
+DOCUMENTED_ERRORS = [
     (codes(cells[0])[0], codes(cells[1])[0])
     for heading, _, cells in tables(PARAMETERS)
     if heading == "Mistakes"
 ]
-MISTAKES = [pytest.param(written, said, id=written) for written, said in [*SHOWN, *FURTHER]]
+MISTAKES = [
+    pytest.param(written, said, id=written) for written, said in [*DOCUMENTED_ERRORS, *UNDOCUMENTED_ERRORS]
+]
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize(("written", "said"), MISTAKES)
-def test_a_mistake_in_the_parameter_file_is_answered_by_its_message(tmp_path, written, said):
+def test_parameter_file_error_is_reported_with_documented_message(tmp_path, written, said):
     file = tmp_path / "params.yaml"
     file.write_text(with_line(BASE, written), encoding="utf-8")
     done = subprocess.run(
@@ -160,13 +161,15 @@ def test_a_mistake_in_the_parameter_file_is_answered_by_its_message(tmp_path, wr
     )
     assert done.returncode == 2, done.stderr
     pattern = re.escape(said).replace("…", r"[\d:]+")
-    if said.startswith("parameter ") and "use_sim_time" not in said:  # which ROS itself refuses
+    if (
+        said.startswith("parameter ") and "use_sim_time" not in said
+    ):  # ROS itself refuses use_sim_time, without a location
         pattern = rf"params\.yaml:\d+:\d+: {pattern}"
     assert re.search(pattern, done.stderr.replace(str(file), "params.yaml")), done.stderr
 
 
 def with_line(base, written):
-    """Put a line in the place of that with the same key, and of what is below it; or at the end."""
+    """Replace the line with the same key, and the lines nested below it, by a new line; append it if there is none."""
     key = written.split(":")[0]
     lines = base.splitlines()
     at = next((number for number, line in enumerate(lines) if line.strip().startswith(f"{key}:")), len(lines))
@@ -177,7 +180,7 @@ def with_line(base, written):
     return "\n".join([*lines[:at], f"{indent}{written}", *lines[after:]]) + "\n"
 
 
-def test_the_small_file_that_the_mistakes_are_made_in_is_correct(tmp_path):
+def test_base_parameter_file_is_correct(tmp_path):
     file = tmp_path / "params.yaml"
     file.write_text(BASE, encoding="utf-8")
     check_parameter_file(file)

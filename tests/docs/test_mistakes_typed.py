@@ -1,4 +1,4 @@
-"""Whoever types a mistake reads the message that is expected here, and that `docs/operate/troubleshooting.md` explains where it must."""
+"""Tests of the messages for usage and installation errors, which `docs/operate/troubleshooting.md` explains if necessary."""
 
 import os
 import re
@@ -29,8 +29,8 @@ FILES = {
     "yesterday.mcap": "",
 }
 
-# What is typed, for each message. What is a file of the test's own folder is written as {folder}/….
-TYPED = {
+# The command that causes each message. {folder} is the folder of the test.
+USAGE_ERRORS = {
     "… cannot be run with these options. The robot has not moved": "sar-run {folder}/wrong.xml",
     "there is no journal … to resume. Omit --resume": "sar-run --resume --journal {folder}/none",
     "cannot read …: …": "sar-run nowhere.xml",
@@ -72,8 +72,8 @@ TYPED = {
     ),
     "the journal … cannot be used: No such file or directory. Journals are in …": "sar-journal show nowhere.journal",
 }
-# What is typed into a shell.
-IN_A_SHELL = {
+# Commands that need a shell.
+SHELL_ERRORS = {
     "cannot read …: it is a device, not a file": "sar-compile validate /dev/zero",
     "cannot read …: it is a pipe, not a file": "mkfifo {folder}/pipe; sar-compile validate {folder}/pipe",
     "the name of the tree file is empty": "sar-compile validate ''",
@@ -81,13 +81,13 @@ IN_A_SHELL = {
     "standard output cannot be written: …": "sar-compile validate {folder}/plain.xml > /dev/full",
     "standard output is closed": "sar-compile validate {folder}/plain.xml >&-",
 }
-# What is typed, once there is a journal; whether another process still has it.
-BESIDE_A_JOURNAL = {
+# Errors if the journal exists; whether another process still has it open.
+JOURNAL_ERRORS = {
     "the mission in the journal … is not over: …": False,
     "… is the journal of a mission that runs in another process": True,
 }
-# Messages that need no row on the page, because they say what to write instead.
-PLAIN = {
+# Messages that need no row on the page, because they name the remedy.
+SELF_EXPLANATORY = {
     "there is no journal … to resume. Omit --resume",
     "… cannot be run with these options. The robot has not moved",
     "… already exists and is not overwritten. Choose another name",
@@ -111,8 +111,10 @@ PLAIN = {
     "… is a folder: name a tree file in it, or check all its trees with sar-compile validate",
     "the journal … cannot be used: No such file or directory. Journals are in …",
 }
-TAKEN_PORT = "port … of 127.0.0.1 cannot be used: …"
-COMPANY = "… already provides … in this ROS domain, and a simulated robot must not mix with another robot."
+PORT_IN_USE = "port … of 127.0.0.1 cannot be used: …"
+SECOND_CLOCK = (
+    "… already provides … in this ROS domain, and a simulated robot must not mix with another robot."
+)
 MAKE = {
     "make: … is Python …; ROS 2 from PyPI has 3.10 to 3.13": ("python", "echo 3.9"),
     "make: the headers of … are missing (apt install python…": (
@@ -122,14 +124,14 @@ MAKE = {
     "make: there is no C and C++ compiler (apt install g++)": ("other", ""),
     "make: ROS 2 from PyPI exists for x86-64 Linux only": ("uname", "echo Linux aarch64"),
 }
-LACKING = {
+MISSING_LIBRARIES = {
     "ROS 2 is missing (…). On a robot, source its installation and workspace": "rclpy",
     "ROS 2 is installed, but not the interface package '…'": "nav2_msgs",
     "a library of the simulator is missing (…)": "scipy",
 }
 NO_EXTRA = "… needs a library that is missing (…). Install it with pip install 'sar_compiler[…]'"
-PLACE = "-p georeference.lat:=48.2 -p georeference.lon:=16.4 -p georeference.heading:=90.0"
-# For each extra that an option takes: a module of it, and what is typed.
+GEOREFERENCE = "-p georeference.lat:=48.2 -p georeference.lon:=16.4 -p georeference.heading:=90.0"
+# For each extra: one of its modules, and a command that needs it.
 EXTRAS = {
     "groot2": ("msgpack", "sar-run {folder}/plain.xml --groot2 1667"),
     "lsp": ("pygls", "sar-compile lsp"),
@@ -137,7 +139,7 @@ EXTRAS = {
     "record": ("mcap", "sar-run {folder}/plain.xml --record {folder}/today.mcap"),
     "report": (
         "pyproj",
-        f"sar-run {{folder}}/plain.xml --report {{folder}}/report.geojson --ros-args {PLACE}",
+        f"sar-run {{folder}}/plain.xml --report {{folder}}/report.geojson --ros-args {GEOREFERENCE}",
     ),
     "search": (
         "shapely",
@@ -161,15 +163,15 @@ def explained(heading):
     }
 
 
-def test_every_mistake_of_usage_that_is_explained_is_typed_and_the_others_say_what_to_write():
-    typed = {*TYPED, *IN_A_SHELL, *BESIDE_A_JOURNAL, TAKEN_PORT, COMPANY}
-    assert explained(USAGE) == typed - PLAIN
-    assert typed >= PLAIN
+def test_explained_usage_errors_match_tested_ones():
+    typed = {*USAGE_ERRORS, *SHELL_ERRORS, *JOURNAL_ERRORS, PORT_IN_USE, SECOND_CLOCK}
+    assert explained(USAGE) == typed - SELF_EXPLANATORY
+    assert typed >= SELF_EXPLANATORY
 
 
-def test_every_hindrance_to_installing_that_is_explained_is_met():
-    plain = {message for message in MAKE if "apt install" in message}  # they say what to do
-    assert explained(INSTALLING) == {*MAKE, *LACKING, NOT_SHIPPED, NO_ENGINE} - plain
+def test_explained_installation_errors_match_tested_ones():
+    plain = {message for message in MAKE if "apt install" in message}  # these messages name the remedy
+    assert explained(INSTALLING) == {*MAKE, *MISSING_LIBRARIES, NOT_SHIPPED, NO_ENGINE} - plain
     declared = (
         Path("pyproject.toml").read_text(encoding="utf-8").partition("\n[project.optional-dependencies]\n")[2]
     )
@@ -183,8 +185,8 @@ def test_every_hindrance_to_installing_that_is_explained_is_met():
     assert {*extras} - {"dev"} <= {*re.findall(r"`(\w+)` ", explained_extras.partition("\n\n")[0])}
 
 
-def said(*words, env=None, expected=2):
-    """Run a command that must be refused; return what it said."""
+def run_refused(*words, env=None, expected=2):
+    """Run a command that must be refused; return its output."""
     done = subprocess.run(
         words,
         capture_output=True,
@@ -197,55 +199,55 @@ def said(*words, env=None, expected=2):
     return done.stdout + done.stderr
 
 
-def assert_read(message, text):
+def assert_message_in(message, text):
     pattern = ".*".join(re.escape(part) for part in message.split("…"))
     assert re.search(pattern, text, re.DOTALL), text
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("message", TYPED)
-def test_a_mistake_of_usage_is_answered_as_the_page_says(message, tmp_path):
+@pytest.mark.parametrize("message", USAGE_ERRORS)
+def test_usage_error_is_reported_as_documented(message, tmp_path):
     for name, text in FILES.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
-    command, *arguments = TYPED[message].format(folder=tmp_path).split()
-    assert_read(message, said(BIN / command, *arguments))
+    command, *arguments = USAGE_ERRORS[message].format(folder=tmp_path).split()
+    assert_message_in(message, run_refused(BIN / command, *arguments))
 
 
-@pytest.mark.parametrize("message", IN_A_SHELL)
-def test_a_mistake_in_a_shell_is_answered_as_the_page_says(message, tmp_path):
+@pytest.mark.parametrize("message", SHELL_ERRORS)
+def test_usage_error_in_shell_is_reported_as_documented(message, tmp_path):
     for name, text in FILES.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     path = f"{BIN}{os.pathsep}{os.environ['PATH']}"
-    typed = IN_A_SHELL[message].format(folder=tmp_path)
-    assert_read(message, said("bash", "-c", typed, env={"PATH": path}))
+    typed = SHELL_ERRORS[message].format(folder=tmp_path)
+    assert_message_in(message, run_refused("bash", "-c", typed, env={"PATH": path}))
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("message", BESIDE_A_JOURNAL)
-def test_a_start_beside_a_journal_is_refused_as_the_page_says(message, tmp_path):
+@pytest.mark.parametrize("message", JOURNAL_ERRORS)
+def test_start_with_unfinished_or_locked_journal_is_refused_as_documented(message, tmp_path):
     from sar_compiler.journal.journal_opening import open_journal
 
     (tmp_path / "plain.xml").write_text(FILES["plain.xml"], encoding="utf-8")
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.begin({}, {})
-    if not BESIDE_A_JOURNAL[message]:
+    if not JOURNAL_ERRORS[message]:
         journal.close()
-    assert_read(message, said(BIN / "sar-run", tmp_path / "plain.xml", "--journal", place))
+    assert_message_in(message, run_refused(BIN / "sar-run", tmp_path / "plain.xml", "--journal", place))
     journal.close()
 
 
 @pytest.mark.ros
-def test_a_port_that_others_have_is_refused_as_the_page_says(tmp_path):
+def test_port_in_use_is_reported_as_documented(tmp_path):
     (tmp_path / "plain.xml").write_text(FILES["plain.xml"], encoding="utf-8")
     with closing(socket.create_server(("127.0.0.1", 0))) as others:
         port = str(others.getsockname()[1])
-        assert_read(TAKEN_PORT, said(BIN / "sar-run", tmp_path / "plain.xml", "--groot2", port))
+        assert_message_in(PORT_IN_USE, run_refused(BIN / "sar-run", tmp_path / "plain.xml", "--groot2", port))
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize("command", [["sar-run", "--sim"], ["sar-sim", "run"]], ids=" ".join)
-def test_a_simulation_beside_another_clock_is_refused_as_the_page_says(command):
+def test_simulation_with_second_clock_is_refused_as_documented(command):
     import rclpy
     from rclpy.context import Context
     from rosgraph_msgs.msg import Clock
@@ -255,13 +257,13 @@ def test_a_simulation_beside_another_clock_is_refused_as_the_page_says(command):
     try:
         node = rclpy.create_node("somebody_else", context=context)
         node.create_publisher(Clock, "/clock", 10)
-        assert_read(COMPANY, said(BIN / command[0], *command[1:]))
+        assert_message_in(SECOND_CLOCK, run_refused(BIN / command[0], *command[1:]))
     finally:
         context.try_shutdown()
 
 
 @pytest.mark.parametrize("message", MAKE)
-def test_make_names_what_the_machine_lacks_as_the_page_says(message, tmp_path):
+def test_make_reports_missing_tools_as_documented(message, tmp_path):
     name, lines = MAKE[message]
     make = shutil.which("make")
     assert make is not None, "there is no make on this machine"
@@ -271,41 +273,41 @@ def test_make_names_what_the_machine_lacks_as_the_page_says(message, tmp_path):
     (tmp_path / name).unlink(missing_ok=True)
     (tmp_path / name).write_text(f"#!/bin/sh\n{lines}\n", encoding="utf-8")
     (tmp_path / name).chmod(0o755)
-    # Of the machine's own tools there are those alone; `require` looks, and makes nothing.
-    assert_read(message, said(make, "require", "PYTHON=python", env={"PATH": str(tmp_path)}))
+    # No other tools of the machine are on the path. `require` only checks.
+    assert_message_in(message, run_refused(make, "require", "PYTHON=python", env={"PATH": str(tmp_path)}))
 
 
 @pytest.mark.costly
-@pytest.mark.parametrize("message", LACKING)
-def test_a_library_that_is_not_installed_is_named_as_the_page_says(message):
+@pytest.mark.parametrize("message", MISSING_LIBRARIES)
+def test_missing_library_is_reported_as_documented(message):
     program = (
-        f"import sys; sys.modules[{LACKING[message]!r}] = None; sys.argv[1:] = ['--sim']\n"
+        f"import sys; sys.modules[{MISSING_LIBRARIES[message]!r}] = None; sys.argv[1:] = ['--sim']\n"
         "from sar_compiler.cli.run import main; sys.exit(main())"
     )
-    assert_read(message, said(sys.executable, "-c", program))
+    assert_message_in(message, run_refused(sys.executable, "-c", program))
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize("extra", EXTRAS)
-def test_an_extra_that_is_not_installed_is_named_as_the_page_says(extra, tmp_path):
+def test_missing_extra_is_reported_as_documented(extra, tmp_path):
     module, typed = EXTRAS[extra]
     (tmp_path / "plain.xml").write_text(FILES["plain.xml"], encoding="utf-8")
     missing = f"raise ModuleNotFoundError('No module named {module}', name='{module}')\n"
     (tmp_path / f"{module}.py").write_text(missing, encoding="utf-8")
     command, *arguments = typed.format(folder=tmp_path).split()
-    # Into a pipe, --view takes nothing.
+    # --view needs a terminal, not a pipe.
     terminal = Terminal(command, *arguments, env={"PYTHONPATH": str(tmp_path)}, columns=400)
     try:
         status, text = terminal.end(), "\n".join(terminal.history)
     finally:
         terminal.kill()
     assert (status, "Traceback" in text) == (2, False), text
-    assert_read(NO_EXTRA.replace("[…]", f"[{extra}]"), text)
+    assert_message_in(NO_EXTRA.replace("[…]", f"[{extra}]"), text)
 
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_an_installation_without_a_shipped_file_is_named_as_the_page_says(tmp_path):
+def test_missing_shipped_file_is_reported_as_documented(tmp_path):
     shutil.copytree(ROOT / "sar_compiler", tmp_path / "sar_compiler")
     shutil.copytree(ROOT / "trees", tmp_path / "trees")
     shutil.copy(ROOT / "package.xml", tmp_path)
@@ -313,28 +315,30 @@ def test_an_installation_without_a_shipped_file_is_named_as_the_page_says(tmp_pa
         f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.argv[1:] = []; "
         "from sar_compiler.cli.run import main; sys.exit(main())"
     )
-    assert_read(NOT_SHIPPED, said(sys.executable, "-c", run))
+    assert_message_in(NOT_SHIPPED, run_refused(sys.executable, "-c", run))
 
 
 @pytest.mark.ros
-def test_a_middleware_that_is_not_installed_is_named_as_the_page_says():
-    assert_read(NO_MIDDLEWARE, said(BIN / "sar-run", env={"RMW_IMPLEMENTATION": "rmw_nowhere_cpp"}))
+def test_missing_middleware_is_reported_as_documented():
+    assert_message_in(
+        NO_MIDDLEWARE, run_refused(BIN / "sar-run", env={"RMW_IMPLEMENTATION": "rmw_nowhere_cpp"})
+    )
 
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_an_engine_that_cannot_be_loaded_is_named_as_the_page_says(tmp_path):
+def test_broken_engine_is_reported_as_documented(tmp_path):
     (tmp_path / "py_trees_ros").mkdir()
     (tmp_path / "py_trees_ros" / "trees.py").write_text("import nowhere\n", encoding="utf-8")
     command = (BIN / "sar-run", "--engine", "py_trees_ros")
-    assert_read(BROKEN_ENGINE, said(*command, env={"PYTHONPATH": str(tmp_path)}))
+    assert_message_in(BROKEN_ENGINE, run_refused(*command, env={"PYTHONPATH": str(tmp_path)}))
 
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_an_engine_that_is_not_installed_is_named_as_the_page_says():
+def test_missing_engine_is_reported_as_documented():
     program = (
         "import sys; sys.modules['py_trees_ros'] = None; sys.argv[1:] = ['--engine', 'py_trees_ros']\n"
         "from sar_compiler.cli.run import main; sys.exit(main())"
     )
-    assert_read(NO_ENGINE, said(sys.executable, "-c", program))
+    assert_message_in(NO_ENGINE, run_refused(sys.executable, "-c", program))

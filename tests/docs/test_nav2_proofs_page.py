@@ -1,4 +1,4 @@
-"""The files of properties of docs/missions/nav2-findings.md find in a small tree of that form what the page says of Nav2's."""
+"""Tests of the property files in docs/missions/nav2-findings.md on a small tree with the form of Nav2's trees."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from tests.docs.markdown import blocks, commands, tables
 
 PAGE = Path("docs/missions/nav2-findings.md")
 FILES = {block.file: block.text for block in blocks(PAGE) if block.file}
-# Of the same form as Nav2's, but for a recovery; what is asked is how the retry begins.
+# Nav2's form without its recovery. The property is about the start of the retry.
 TREE = """
 <root BTCPP_format="4">
   <BehaviorTree ID="Drive">
@@ -37,7 +37,7 @@ TREE = """
 
 
 def edited(program):
-    """A file of properties after one of the page's `sed` commands."""
+    """Return the property file after one of the page's `sed` commands."""
     found = re.fullmatch(r"s/(.+)/(.*)/", program)
     assert found
     assert found[1] in FILES["since.yaml"], "the edit changes something"
@@ -52,7 +52,7 @@ def edits():
     }
 
 
-def proved(folder, properties, palette):
+def is_proved(folder, properties, palette):
     name = "IsPathValid" if palette == "nav2:jazzy" else "ValidatePath"
     (folder / "drive.xml").write_text(TREE.replace("IsPathValid", name), encoding="utf-8")
     (folder / "asked.yaml").write_text(properties, encoding="utf-8")
@@ -62,29 +62,29 @@ def proved(folder, properties, palette):
     return asked.outcome is ProofStatus.PROVED
 
 
-def test_under_any_answer_the_robot_drives_to_the_old_goal(tmp_path):
-    assert not proved(tmp_path, FILES["new_goal.yaml"], "nav2:jazzy")
-    assert not proved(tmp_path, FILES["new_goal.yaml"], "nav2:main")
+def test_new_goal_property_is_violated_without_assumptions(tmp_path):
+    assert not is_proved(tmp_path, FILES["new_goal.yaml"], "nav2:jazzy")
+    assert not is_proved(tmp_path, FILES["new_goal.yaml"], "nav2:main")
 
 
-def test_with_what_nav2_does_since_it_is_proved_that_it_does_not(tmp_path):
-    assert proved(tmp_path, FILES["since.yaml"], "nav2:jazzy")
-    assert proved(tmp_path, edited("s/IsPathValid/ValidatePath/"), "nav2:main")
+def test_new_goal_property_is_proved_with_assumptions_about_current_nav2(tmp_path):
+    assert is_proved(tmp_path, FILES["since.yaml"], "nav2:jazzy")
+    assert is_proved(tmp_path, edited("s/IsPathValid/ValidatePath/"), "nav2:main")
 
 
 @pytest.mark.parametrize("program", ["s/# planning: //", "s/# timeout: //"])
-def test_what_remains_is_found_once_it_is_said(tmp_path, program):
+def test_remaining_violation_is_found_with_edited_assumption(tmp_path, program):
     assert program in edits()
-    assert not proved(tmp_path, edited(program), "nav2:jazzy")
+    assert not is_proved(tmp_path, edited(program), "nav2:jazzy")
 
 
-def test_a_planner_that_aborts_and_does_not_empty_the_path_is_what_the_report_was_about(tmp_path):
+def test_property_is_violated_if_aborting_planner_keeps_the_path(tmp_path):
     emptied = ', then: "path_is_empty = true"'
     assert FILES["since.yaml"].count(emptied) == 1
-    assert not proved(tmp_path, FILES["since.yaml"].replace(emptied, ""), "nav2:jazzy")
+    assert not is_proved(tmp_path, FILES["since.yaml"].replace(emptied, ""), "nav2:jazzy")
 
 
-def test_each_finding_of_the_page_has_its_assumption_and_its_own_section():
+def test_each_finding_has_an_assumption_and_a_section():
     rows = [cells for heading, _, cells in tables(PAGE) if heading == "Findings in Nav2's trees"]
     assert len(rows) == 4
     assert all(len(cells) == 4 and cells[2] and cells[3] and "](#" in cells[0] for cells in rows)

@@ -1,4 +1,4 @@
-"""The lint of words finds what it counts, in each kind of text, and holds the ceilings."""
+"""Tests of the prose lint: it finds unused words and phrases in each kind of text, and applies the ceilings."""
 
 import subprocess
 import sys
@@ -50,7 +50,7 @@ def module(tmp_path):
     return found
 
 
-def test_a_page_has_its_sentences_items_and_cells_without_code_blocks(tmp_path):
+def test_page_texts_are_sentences_items_and_cells_outside_code(tmp_path):
     page = tmp_path / "page.md"
     page.write_text(PAGE, encoding="utf-8")
     assert [(place.rpartition(":")[2], text) for place, text in prose.page_texts(page)] == [
@@ -62,7 +62,7 @@ def test_a_page_has_its_sentences_items_and_cells_without_code_blocks(tmp_path):
     ]
 
 
-def test_each_kind_of_text_is_searched_for_words_that_are_not_used(module):
+def test_each_kind_of_text_is_searched_for_unused_words(module):
     found = {kind: [text for _, text in prose.with_words(texts)] for kind, texts in module.items()}
     assert found == {
         "pages": [],
@@ -73,12 +73,12 @@ def test_each_kind_of_text_is_searched_for_words_that_are_not_used(module):
     }
 
 
-def test_a_word_in_code_or_within_another_word_is_not_counted():
+def test_words_in_code_or_within_other_words_are_not_counted():
     assert prose.with_words([("a:1", "`mend`"), ("a:2", "amend it"), ("docs/glossary.md:3", "mend")]) == []
     assert prose.with_words([("a:1", "it was Mended")]) != []
 
 
-def test_a_kind_above_a_ceiling_is_reported(module, monkeypatch):
+def test_kind_above_ceiling_is_reported(module, monkeypatch):
     monkeypatch.setattr(prose, "WORD_CEILINGS", {**dict.fromkeys(module, 1), "names": 2})
     monkeypatch.setattr(prose, "MARK_CEILINGS", {"messages": 50})
     module["options"] *= 2
@@ -86,7 +86,7 @@ def test_a_kind_above_a_ceiling_is_reported(module, monkeypatch):
 
 
 @pytest.mark.parametrize("shown", [[], ["names"]])
-def test_the_lint_succeeds_where_nothing_is_above_a_ceiling(shown):
+def test_lint_succeeds_below_all_ceilings(shown):
     done = subprocess.run(
         [sys.executable, "-m", "tests.docs.prose", *shown], capture_output=True, text=True, check=False
     )

@@ -1,4 +1,4 @@
-"""Each promise of the page on failures is held by tests that exist, and so is every test that a page names."""
+"""Tests that each promise on the page about failures names existing tests, and that tests named on pages exist."""
 
 import functools
 import json
@@ -9,10 +9,10 @@ from tests.docs.markdown import PAGES, codes, tables
 from tests.docs.test_requirements import names_in
 
 PAGE = Path("docs/concepts/failures-and-recovery.md")
-# The tests by promise: the section, and the failure. "the same" stands for those of the promise above it.
+# The tests by promise, which is named by section and failure. "the same" stands for the tests of the previous promise.
 PROMISES = json.loads(Path(__file__).with_name("promises.json").read_text(encoding="utf-8"))
-# No test can take a computer away.
-BEYOND = "How it ends: The computer fails"
+# No test can make the computer fail.
+UNTESTABLE = "How it ends: The computer fails"
 
 
 def promise(heading, cells):
@@ -29,14 +29,14 @@ def all_tests():
 def test_every_promise_names_its_tests():
     promised = [promise(heading, cells) for heading, _, cells in tables(PAGE)]
     assert promised == [*PROMISES]
-    untested = [name for name, held_by in PROMISES.items() if not held_by and name != BEYOND]
+    untested = [name for name, held_by in PROMISES.items() if not held_by and name != UNTESTABLE]
     missing = [
         test for held_by in PROMISES.values() if held_by != "the same" for test in {*held_by} - all_tests()
     ]
     assert (untested, missing) == ([], [])
 
 
-def test_every_test_that_a_page_names_is_there():
+def test_every_test_named_on_a_page_exists():
     missing = []
     for page in PAGES:
         text = page.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The tables of requirements name existing files and tests."""
+"""Tests that the tables of course requirements name existing files and tests."""
 
 import ast
 import re
@@ -20,7 +20,7 @@ TEST = re.compile(r"(tests/[\w/]+\.py)((?:::\w+)*)")
 
 
 def names_in(path):
-    """Return the tests of a file, those of a class as `Class::test`, and the classes."""
+    """Return the functions and classes of a file, and the methods as `Class::method`."""
     names = set()
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.FunctionDef):
@@ -31,7 +31,7 @@ def names_in(path):
     return names
 
 
-def test_every_requirement_names_the_file_and_the_test_that_show_it():
+def test_every_requirement_names_a_file_and_a_test():
     wrong = []
     for line, (_, where, shown_by) in ROWS:
         if COURSE in where:
@@ -47,7 +47,7 @@ def test_every_requirement_names_the_file_and_the_test_that_show_it():
 
 
 def is_test(code):
-    """Return whether a text names a file of tests, or one of its tests."""
+    """Return whether a text names an existing test file, or a test in it."""
     found = TEST.fullmatch(code)
     if found is None or not Path(found[1]).is_file():
         return False
@@ -55,12 +55,12 @@ def is_test(code):
     return not name or name in names_in(Path(found[1]))
 
 
-def test_every_task_of_the_text_has_its_row():
+def test_every_course_task_has_a_row():
     tasks = [cells[0] for heading, _, cells in tables(PAGE) if heading == "Tasks"]
     assert [task.split(".")[0] for task in tasks] == [str(number) for number in range(1, 12)]
 
 
-def test_only_what_belongs_to_a_course_is_left_out():
+def test_at_most_eight_requirements_are_course_only():
     left_out = [cells[0] for _, cells in ROWS if COURSE in cells[1]]
     assert len(left_out) <= 8, left_out
     assert links(PAGE)

@@ -1,4 +1,4 @@
-"""The page about the resilient tree does what it says."""
+"""Tests of the page about the resilient tree: its commands print the shown output."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ PAGE = Path("docs/missions/resilient-tree.md").resolve()
 
 
 @pytest.mark.costly
-def test_the_page_about_the_resilient_tree_does_what_it_says(tmp_path):
+def test_commands_on_resilient_tree_page_print_shown_output(tmp_path):
     typed, otherwise = follow(PAGE, tmp_path)
     assert typed == 5
     assert otherwise == [], "\n".join(otherwise)

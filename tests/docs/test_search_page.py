@@ -1,4 +1,4 @@
-"""The page about where to look first does what it says."""
+"""Tests of the how-to page about searching by probability."""
 
 from pathlib import Path
 
@@ -15,13 +15,13 @@ PARAMS = Path("config/search_areas_params.yaml").resolve()
 
 
 @pytest.mark.ros
-def test_the_page_shows_the_plan_that_is_told_and_what_is_proved(tmp_path: Path) -> None:
+def test_commands_on_search_page_print_shown_output(tmp_path: Path) -> None:
     typed, otherwise = follow(PAGE, tmp_path)
     assert typed == 2
     assert otherwise == [], "\n".join(otherwise)
 
 
-def test_the_page_has_the_zones_of_the_shipped_parameters() -> None:
+def test_zones_on_page_match_shipped_parameters() -> None:
     (written,) = [block.text for block in blocks(PAGE) if block.file == "areas.yaml"]
     said, shipped = (
         yaml.safe_load(text)["/**"]["ros__parameters"]
@@ -30,7 +30,7 @@ def test_the_page_has_the_zones_of_the_shipped_parameters() -> None:
     assert {key: shipped[key] for key in said} == said
 
 
-def test_the_page_names_every_order_and_how_far_it_is_exact() -> None:
+def test_page_lists_every_order_and_the_limit_of_exact_search() -> None:
     (spec,) = [spec for spec in SPECS if spec.tag == "ChooseZone"]
     order = spec.parameters["order"]
     told = [
@@ -40,7 +40,7 @@ def test_the_page_names_every_order_and_how_far_it_is_exact() -> None:
     assert f"Up to {EXACT_UP_TO} zones" in PAGE.read_text(encoding="utf-8")
 
 
-def test_the_lines_of_the_tree_are_those_of_the_shipped_one() -> None:
+def test_tree_lines_match_shipped_tree() -> None:
     shown = [line for block in blocks(PAGE) if block.language == "xml" for line in block.text.splitlines()]
     tree = Path("trees/search_areas.xml").read_text(encoding="utf-8")
     assert len(shown) > 5

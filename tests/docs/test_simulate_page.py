@@ -1,4 +1,4 @@
-"""The page about simulating does what it says, and leaves nothing out."""
+"""Tests of the scenarios page: its commands print the shown output, and its tables are complete."""
 
 import json
 from pathlib import Path
@@ -13,7 +13,7 @@ PAGE = Path("docs/reference/scenarios.md").resolve()
 SCHEMA = json.loads(Path("schemas/sar_scenario.schema.json").read_text(encoding="utf-8"))
 
 
-def test_the_page_about_simulating_does_what_it_says(tmp_path):
+def test_commands_on_scenarios_page_print_shown_output(tmp_path):
     typed, otherwise = follow(PAGE, tmp_path)
     assert typed == 3
     assert otherwise == []
@@ -50,7 +50,7 @@ class GrabSample(Behaviour):
 '''
 
 
-def test_the_leaf_that_says_what_it_can_answer_can_be_played(tmp_path, monkeypatch):
+def test_leaf_with_declared_outcomes_can_be_simulated(tmp_path, monkeypatch):
     (block,) = [each.text for each in blocks(LEAVES) if "GrabSample" in each.text]
     imports = "from py_trees.behaviour import Behaviour\nfrom py_trees.common import Status\n"
     (tmp_path / "page_of_leaves.py").write_text(f"{imports}{block.rstrip()}{GRAB}", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The pages of the site: none is missing in its menu, and no link leads out of it."""
+"""Tests of the pages of the site: all are in the menu, and internal links stay within the site."""
 
 import importlib
 import os
@@ -15,7 +15,7 @@ SITE = runpy.run_path("docs/site/pages.py")
 
 
 class _Menu(yaml.SafeLoader):
-    """Leaves out what is only there for the builder."""
+    """Ignores the YAML tags that only the site builder understands."""
 
 
 _Menu.add_multi_constructor("tag:yaml.org,2002:python/", lambda *_: None)
@@ -23,7 +23,7 @@ _Menu.add_multi_constructor("tag:yaml.org,2002:python/", lambda *_: None)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """The folder of the pages."""
+    """Return the folder of the generated pages."""
     folder = tmp_path_factory.mktemp("site") / "pages"
     SITE["write_pages"](folder)
     return folder
@@ -37,7 +37,7 @@ def menu(entry):
     return [page for value in values for page in menu(value)]
 
 
-def test_every_page_of_the_documentation_is_in_the_menu(folder):
+def test_every_page_is_in_the_menu(folder):
     settings = yaml.load(Path("mkdocs.yml").read_text(encoding="utf-8"), _Menu)  # noqa: S506 - derived from the safe one
     listed = menu(settings["nav"])
     assert sorted(listed) == sorted(set(listed))
@@ -47,7 +47,7 @@ def test_every_page_of_the_documentation_is_in_the_menu(folder):
     assert [name for name in listed if not (folder / name).is_file()] == []
 
 
-def test_no_link_of_a_page_leads_out_of_the_site(folder):
+def test_internal_links_stay_within_the_site(folder):
     out = [
         f"{page.relative_to(folder)}:{line} {target}"
         for page in sorted(folder.rglob("*.md"))
@@ -60,19 +60,19 @@ def test_no_link_of_a_page_leads_out_of_the_site(folder):
 
 
 @pytest.mark.parametrize("group", SITE["GROUPS"])
-def test_every_public_name_has_its_place_among_the_pages_of_the_api(folder, group):
+def test_every_public_name_is_on_an_api_page(folder, group):
     names = set(importlib.import_module(group).__all__)
     text = "".join(path.read_text(encoding="utf-8") for path in (folder / "api").glob("*.md"))
     assert set(re.findall(rf"heading: {group}\.(\w+)\n", text)) == names
 
 
-def test_a_source_that_a_page_links_to_is_a_page_with_its_text(folder):
+def test_linked_source_file_becomes_a_page_with_its_text(folder):
     text = (folder / "trees/search_and_rescue.xml.md").read_text(encoding="utf-8")
     assert Path("trees/search_and_rescue.xml").read_text(encoding="utf-8") in text
     assert "\n# trees/search_and_rescue.xml\n\n````xml\n" in text
 
 
-def test_what_is_shown_as_code_is_no_link(tmp_path):
+def test_links_in_code_are_not_rewritten(tmp_path):
     with_links = SITE["_with_links"]
     line = "`[a](../../trees/failsafes.xml)` and [b](../../trees/failsafes.xml#x)\n"
     page = SITE["DOCS"] / "reference/properties.md"

@@ -1,4 +1,4 @@
-"""The editor on the site: Python in node as the page starts it, and the page in a browser."""
+"""Tests of the editor on the site: its Python in node, and its page in a browser."""
 
 import functools
 import http.server
@@ -20,12 +20,12 @@ ENGINE = runpy.run_path(str(BACKEND / "site_engine.py"))
 SHIPPED = Path("trees/search_and_rescue.xml")
 TEXT = SHIPPED.read_text(encoding="utf-8")
 EXAMPLES = sorted(BACKEND.glob("examples/*.*"))
-# Python is loaded into the page, beside other tests.
+# The page loads Python while other tests use the processor.
 _LOADED_SEC = 180
 
 
 def answers(*questions):
-    """Ask the site's Python here; return the answers, and the reported numbers of states."""
+    """Send requests to the site's Python code in this process; return the answers, and the reported numbers of states."""
     engine = ENGINE["SiteStudio"]()
     states: list[int] = []
     asked = [json.loads(engine.answer(name, json.dumps(values), states.append)) for name, values in questions]
@@ -36,7 +36,7 @@ def put(path):
     return "put", {"name": path.name, "text": path.read_text(encoding="utf-8")}
 
 
-def test_each_example_has_no_findings_and_a_proof():
+def test_each_example_has_no_findings_and_a_complete_proof():
     assert len(EXAMPLES) == 4  # and the shipped tree
     assert f'"{SHIPPED.name}"' in (BACKEND / "backend.js").read_text(encoding="utf-8")
     for path in EXAMPLES:
@@ -46,13 +46,13 @@ def test_each_example_has_no_findings_and_a_proof():
         assert (looked["findings"], proof["complete"]) == ([], True), path
 
 
-def test_the_first_example_has_a_counterexample():
+def test_first_example_has_a_counterexample():
     path = BACKEND / "examples/patrol.xml"
     (_, proof), _ = answers(put(path), ("verify", {"text": path.read_text(encoding="utf-8")}))
     assert any(each["run"] and each["loop"] for each in proof["verdicts"])
 
 
-def test_a_text_with_any_characters_and_line_ends_is_opened_as_it_is():
+def test_text_with_any_characters_and_line_ends_is_opened_unchanged():
     text = TEXT.replace("Search and rescue:", "\U0001f600 ä:").replace("\n", "\r\n", 3)
     (_, opened), _ = answers(("put", {"name": "../mine.xml", "text": text}), ("open", {}))
     assert (opened["text"], opened["name"]) == (text, "mine.xml")
@@ -65,7 +65,7 @@ console.log(JSON.stringify([await encode(process.argv[2]), await decode(await en
 """
 
 
-def test_a_tree_in_an_address_is_the_same_afterwards():
+def test_tree_in_link_is_decoded_unchanged():
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node here (apt install nodejs)")
@@ -84,7 +84,7 @@ def test_a_tree_in_an_address_is_the_same_afterwards():
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
-    """The folder of the site's editor, made of what npm and PyPI have."""
+    """Return the folder of the site's editor, assembled from packages of npm and PyPI."""
     if not (shutil.which("npm") and shutil.which("node")):
         pytest.skip("there is no node and npm here (apt install nodejs npm)")
     if not Path("sar_compiler/studio/static/codemirror.js").exists():
@@ -94,7 +94,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_in_node_the_same_is_said_as_here(folder):
+def test_python_in_node_returns_the_same_answers(folder):
     wrong, values = TEXT.replace("<DetectSurvivor/>", "<DetectSurvivr/>"), {"text": TEXT}
     questions: tuple[Any, ...] = (
         put(SHIPPED), ("open", {}), ("look", values), ("look", {"text": wrong}), ("palette", values), ("verify", values),
@@ -105,23 +105,23 @@ def test_in_node_the_same_is_said_as_here(folder):
     assert run.returncode == 0, run.stderr
     there, (here, _) = json.loads(run.stdout.splitlines()[-1]), answers(*questions)
     for (question, _), said, expected in zip(questions, there["answers"], here, strict=True):
-        # A drawing names the file's folder.
+        # A drawing contains the path of the file, which differs.
         assert said.pop("svg", "").count("<g ") == expected.pop("svg", "").count("<g ")
         assert said == expected, question
     assert there["states"] == sorted(there["states"]) != []
 
 
-class Quiet(http.server.SimpleHTTPRequestHandler):
-    """Serves a folder, and says nothing."""
+class QuietHandler(http.server.SimpleHTTPRequestHandler):
+    """Serves a folder without a log."""
 
     def log_message(self, *arguments):
-        """Say nothing."""
+        """Log nothing."""
 
 
 @pytest.fixture
 def address(folder):
-    """Where the editor is served."""
-    handler = functools.partial(Quiet, directory=str(folder))
+    """Serve the editor; return the address."""
+    handler = functools.partial(QuietHandler, directory=str(folder))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{server.server_address[1]}/index.html"
@@ -129,7 +129,7 @@ def address(folder):
 
 
 @pytest.mark.slow
-def test_on_the_site_a_tree_is_broken_mended_verified_stopped_and_carried_by_a_link(address):
+def test_site_editor_fixes_verifies_stops_and_shares_a_tree(address):
     with open_browser("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1") as browser:
         browser.driver.get(address)
         browser.wait_for("#state", "Python is being loaded", _LOADED_SEC)

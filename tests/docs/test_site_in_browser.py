@@ -1,4 +1,4 @@
-"""The built site in a browser: its first page is light, its search answers over HTTP and from a folder, and no link or picture fails."""
+"""Tests of the built site in a browser: size of the first page, search over HTTP and from a folder, links and pictures."""
 
 import functools
 import http.server
@@ -17,7 +17,7 @@ from tests.web.browsers import open_browser
 pytestmark = pytest.mark.costly
 
 FIRST_PAGE_KB = 700
-# Beside other tests.
+# Long enough while other tests use the processor.
 _BUILT_SEC = 300
 _PAGES_SEC = 300
 OPEN_SEARCH = "document.querySelector('label[for=__search], .md-search button, .md-search').click()"
@@ -43,7 +43,7 @@ async function visit(page) {
 const left = [...pages];
 Promise.all([1, 2, 3, 4].map(async () => { while (left.length) await visit(left.pop()); })).then(() => done(found), (error) => done(`${error}`));
 """
-"""Opens each page in a frame without its scripts, and collects its links, its anchors and its broken pictures."""
+"""A script that opens each page in a frame without scripts, and collects its links, anchors and broken pictures."""
 
 
 def build(folder):
@@ -124,7 +124,7 @@ def results(browser, question):
 
 
 @pytest.mark.parametrize("way", ["served", "folder"])
-def test_the_search_is_loaded_on_its_first_use_and_answers(way, site, served, browser):
+def test_search_loads_on_first_use_and_finds_pages(way, site, served, browser):
     address, sent = served
     base = address if way == "served" else f"{site.as_uri()}/"
     browser.forget()
@@ -145,7 +145,7 @@ def test_the_search_is_loaded_on_its_first_use_and_answers(way, site, served, br
     assert sum(right) >= FOUND
 
 
-def test_every_link_and_picture_is_there_without_a_server(site, browser):
+def test_every_link_and_picture_works_without_a_server(site, browser):
     base = f"{site.as_uri()}/"
     # A server shows 404.html below any address, so its links are absolute.
     pages = sorted({path.as_uri() for path in site.rglob("*.html")} - {f"{base}404.html"})
@@ -163,7 +163,7 @@ def test_every_link_and_picture_is_there_without_a_server(site, browser):
 
 
 def is_there(link, base, site, ids):
-    """Return whether the file of a link is in the site, and its anchor in the file. The editor is built by itself."""
+    """Return whether the file of a link is in the site, and its anchor in the file. The editor is built separately."""
     path, _, anchor = link.partition("#")
     name = path.partition("?")[0].removeprefix(base)
     return name.startswith("studio/") or (
@@ -171,7 +171,7 @@ def is_there(link, base, site, ids):
     )
 
 
-def test_no_page_of_the_site_loads_anything_from_elsewhere(site):
+def test_no_page_loads_external_resources(site):
     asked = re.compile(
         r'<(?:script|img|iframe|source)[^>]+src="(https?:)?//|<link[^>]+rel="(?:stylesheet|preload|preconnect|icon)"[^>]+href="(https?:)?//'
     )

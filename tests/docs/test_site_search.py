@@ -1,7 +1,7 @@
-"""Questions in the field's words find the right page of the site among the first three.
+"""Tests that questions in the field's terms find the right page of the site among the first three results.
 
-The search of the site finds sections in which every word of the question begins a word, of the page's title, of the section's heading or of
-its text; words in titles weigh most. This is done here on the pages that the site is built from.
+The site's search finds a section if each word of the question starts a word in the page's title, the section's heading or its text. Words in
+titles have the highest weight. The tests apply the same rule to the source pages of the site.
 """
 
 import re
@@ -10,7 +10,7 @@ import runpy
 import pytest
 
 SITE = runpy.run_path("docs/site/pages.py")
-# What people ask, with the pages of which one must be found.
+# Questions of readers, each with the pages of which one must be found.
 QUESTIONS = {
     "what is a behaviour tree": ("concepts/behaviour-trees",),
     "what is a tick": ("concepts/behaviour-trees",),
@@ -61,7 +61,7 @@ def words(text):
 
 @pytest.fixture(scope="module")
 def sections(tmp_path_factory):
-    """Return the sections of the site's pages that are searched: page, words of title and heading, words of the text."""
+    """Return the searchable sections of the site: page, words of the title, words of the heading, words of the text."""
     folder = tmp_path_factory.mktemp("site") / "pages"
     SITE["write_pages"](folder)
     found = []
@@ -77,7 +77,7 @@ def sections(tmp_path_factory):
 
 
 def weight(word, title, heading, text):
-    """Return how well a section fits one word; 0 if the word is not there."""
+    """Return how well a section matches a word; 0 if it does not contain the word."""
     begins = [each for each in text if each.startswith(word)]
     named = 8 * any(each.startswith(word) for each in title) + 4 * any(
         each.startswith(word) for each in heading
@@ -104,6 +104,6 @@ def test_questions_find_the_right_page_among_the_first_three(sections):
     assert len(QUESTIONS) - len(missed) >= FOUND, missed
 
 
-def test_no_source_file_is_a_result_of_the_search(sections):
+def test_no_source_file_is_a_search_result(sections):
     assert [page for page, *_ in sections if re.search(r"\.(py|xml|yaml|toml|cff)$", page)] == []
     assert {f"{page}.md" for page, *_ in sections} >= SITE["TERMS"].keys()

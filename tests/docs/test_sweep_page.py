@@ -1,4 +1,4 @@
-"""The page about sweeps does what it says."""
+"""Tests of the how-to page about Monte Carlo runs: its commands print the shown output."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from tests.docs.test_worked_pages import follow
 PAGE = Path("docs/how-to/monte-carlo.md").resolve()
 
 
-def test_the_page_about_sweeps_does_what_it_says(tmp_path):
+def test_commands_on_monte_carlo_page_print_shown_output(tmp_path):
     typed, otherwise = follow(PAGE, tmp_path)
     assert typed == 2
     assert otherwise == [], "\n".join(otherwise)

@@ -1,4 +1,4 @@
-"""What the documentation repeats of the project is what the project says."""
+"""Tests that tables and drawings in the documentation match the project."""
 
 import inspect
 import re
@@ -33,7 +33,7 @@ def block_with(page, text):
     return found[0]
 
 
-def test_the_leaf_of_the_readme_answers_in_a_tree(tmp_path, monkeypatch):
+def test_readme_leaf_works_in_a_tree(tmp_path, monkeypatch):
     (tmp_path / "readme_leaf.py").write_text(block_with(README, "@register"), encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     body = '<Sequence><Script code="battery := 30.0"/><Above level="{battery}" limit="20"/></Sequence>'
@@ -46,14 +46,14 @@ def test_the_leaf_of_the_readme_answers_in_a_tree(tmp_path, monkeypatch):
     assert root.status == Status.SUCCESS
 
 
-def test_the_mission_is_drawn_as_it_compiles():
+def test_mission_drawing_matches_compiled_tree():
     drawn = block_with(MISSION, "[o] MissionOrReturnToBase")
-    # Behind each composite stands what it is.
+    # The page adds a description after each composite.
     bare = [re.sub(r"(?<=\S) {2,}\S.*$", "", line) for line in drawn.splitlines()]
     assert bare == [line.rstrip() for line in unicode_tree(compile_for_test(TREE).root).splitlines()]
 
 
-def test_the_memory_flags_are_explained_as_they_are():
+def test_memory_flags_table_matches_shipped_tree():
     explained = {
         codes(cells[0])[0]: cells[1]
         for heading, _, cells in tables(MISSION)
@@ -63,7 +63,7 @@ def test_the_memory_flags_are_explained_as_they_are():
 
 
 def memory_flags():
-    """Return what the shipped tree says of its composites."""
+    """Return the memory flags of the composites in the shipped tree."""
     return {
         element.attributes["name"]: element.attributes["memory"]
         for element in read_tree_file(TREE).root.iterate()
@@ -71,7 +71,7 @@ def memory_flags():
     }
 
 
-def test_every_parameter_of_a_run_is_in_the_table_of_parameters():
+def test_every_run_parameter_is_in_the_parameter_table():
     page = Path("docs/reference/parameters.md")
     explained = " ".join(cells[0] for _, _, cells in tables(page))
     assert [field.name for field in fields(RunParameters) if f"`{field.name}" not in explained] == []
@@ -80,7 +80,7 @@ def test_every_parameter_of_a_run_is_in_the_table_of_parameters():
     assert [key for key in keys if f"`{key}" not in explained] == []
 
 
-def test_everything_that_a_mission_says_is_in_the_tables_of_missions():
+def test_every_mission_member_is_in_its_table():
     for described in (Mission, MissionRun):
         names = {
             name for name in {**vars(described), **described.__annotations__} if not name.startswith("_")
@@ -93,12 +93,12 @@ def test_everything_that_a_mission_says_is_in_the_tables_of_missions():
         assert listed == names
 
 
-def test_everything_that_is_said_in_registering_is_in_the_table_of_arguments():
+def test_every_register_argument_is_in_the_table():
     said = [name for cells in rows_below(LEAVES, "Argument of `register`") for name in codes(cells[0])]
     assert ["tag", *said] == list(inspect.signature(register).parameters)
 
 
-def test_every_object_that_leaves_are_handed_is_named():
+def test_every_context_object_of_leaves_is_named():
     (row,) = [
         cells[0] for cells in rows_below(LEAVES, "Constructor parameter") if "@mission_context" in cells[0]
     ]
@@ -107,14 +107,14 @@ def test_every_object_that_leaves_are_handed_is_named():
 
 
 def rows_below(page, head):
-    """Return the rows of the table whose first column has a title."""
+    """Return the rows of the table whose first column has a given head."""
     lines = iter(page.read_text(encoding="utf-8").splitlines())
     next(line for line in lines if line.startswith(f"| {head} |"))
     next(lines)
     return [line.strip("| ").split(" | ") for line in takewhile(lambda line: line.startswith("|"), lines)]
 
 
-def test_every_leaf_of_the_mission_is_in_the_table_of_leaves():
+def test_every_mission_leaf_is_in_the_leaf_table():
     explained = {codes(cells[0])[0]: cells[1] for heading, _, cells in tables(MISSION) if heading == "Leaves"}
     leaves = {
         spec.tag: "condition" if spec.kind is Kind.CONDITION else "action"
@@ -124,13 +124,13 @@ def test_every_leaf_of_the_mission_is_in_the_table_of_leaves():
     assert explained == leaves
 
 
-def test_the_decorators_in_the_table_are_there():
+def test_decorators_in_the_table_are_registered():
     explained = {
         code.split()[0]
         for heading, _, cells in tables(Path("docs/reference/tree-files.md"))
         if heading == "Decorators"
         for code in codes(cells[0])
     }
-    # All of them are on the page of the language, which has a test of its own.
+    # The language page has all decorators, and a separate test.
     assert len(explained) > 10
     assert explained <= {spec.tag for spec in default_registry() if spec.kind is Kind.DECORATOR}

@@ -1,4 +1,4 @@
-"""The page about verifying does what it says, and leaves nothing out."""
+"""Tests of the properties page: its commands print the shown output, and its tables are complete."""
 
 import json
 import re
@@ -16,13 +16,13 @@ def cells(heading, column=0):
     return [row[column] for title, _, row in tables(PAGE) if title == heading]
 
 
-def test_the_page_about_verifying_does_what_it_says(tmp_path):
+def test_commands_on_properties_page_print_shown_output(tmp_path):
     typed, otherwise = follow(PAGE, tmp_path)
     assert typed == 3
     assert otherwise == [], "\n".join(otherwise)
 
 
-def test_every_question_is_in_the_table():
+def test_every_built_in_property_is_in_the_table():
     asked = [verdicts.NO_ERROR, verdicts.EVERY_LEAF, verdicts.AN_END, verdicts.NO_LIVELOCK]
     assert cells("Properties of every tree") == asked
 
@@ -32,7 +32,7 @@ def test_every_key_of_a_property_is_in_the_table():
     assert shown == set(SCHEMA["definitions"]["property"]["properties"])
 
 
-def test_every_code_of_a_finding_is_explained():
+def test_every_finding_code_of_verify_is_explained():
     text = "".join(
         path.read_text(encoding="utf-8") for path in Path("sar_compiler/analysis/verify").glob("*.py")
     )

@@ -1,4 +1,4 @@
-"""The page about flights that are watched for properties does what it says."""
+"""Tests of the how-to page about watching a run: its commands print the shown output."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ PAGE = Path("docs/how-to/watch-a-run.md").resolve()
 
 
 @pytest.mark.costly
-def test_the_page_about_watched_flights_does_what_it_says(tmp_path):
+def test_commands_on_watched_run_page_print_shown_output(tmp_path):
     typed, otherwise = follow(PAGE, tmp_path)
     assert typed == 3
     assert otherwise == [], "\n".join(otherwise)

@@ -1,8 +1,8 @@
-"""The pages that are worked through from top to bottom do what they say.
+"""Tests that the commands on pages print the shown output.
 
-Such a page is followed as a reader would, in an empty folder: a block under a line like "`there_and_back.xml`:" is
-written to that file, an `sh` block is typed, and the `text` block after it is what one sees. `…` in it stands
-for anything, on a line of its own for any number of lines.
+A test follows a page from top to bottom in an empty folder, as a reader would. It writes a block under a line like "`there_and_back.xml`:"
+to that file, and runs each `sh` block. The `text` block after it must match the output. `…` in a `text` block matches anything;
+on a line of its own it matches any number of lines.
 """
 
 import os
@@ -42,12 +42,12 @@ PLAIN = {
 RUNS = Path("docs/concepts/before-during-after.md").resolve()
 COURSE = Path("docs/how-to/course-project.md").resolve()
 
-# How long a block of commands may take; the longest flies a robot for some simulated seconds.
+# The limit for a block of commands. The longest runs a robot for some simulated seconds.
 _TIMEOUT_SEC = 120.0
 
 
 def follow(page, folder, below=""):
-    """Do what a page says, or one of its sections; return the number of blocks of commands, and the differences."""
+    """Run the commands of a page, or of the section below a heading; return the number of blocks, and the differences."""
     typed, otherwise = 0, []
     every = blocks(page)
     if below:
@@ -73,14 +73,14 @@ def follow(page, folder, below=""):
 
 
 def dialogue(block):
-    """Yield the commands of a `console` block that has prompts, each with what is seen after it."""
+    """Yield the commands after the prompts of a `console` block, each with the output shown after it."""
     for part in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:] if block.language == "console" else ():
         command, _, shown = part.partition("\n")
         yield command, shown or None
 
 
 def typed_in(folder, text):
-    """Type a block of commands in a folder; standard output and error come together."""
+    """Run a block of commands in a folder; return standard output and error together."""
     shell = subprocess.Popen(
         ["/bin/bash", "-c", text],
         cwd=folder,
@@ -93,7 +93,7 @@ def typed_in(folder, text):
     try:
         output, _ = shell.communicate(timeout=_TIMEOUT_SEC)
     except subprocess.TimeoutExpired:
-        # The shell and all that it has started.
+        # Kill the shell with all its children.
         os.killpg(shell.pid, signal.SIGKILL)
         output, _ = shell.communicate()
         pytest.fail(f"did not end within {_TIMEOUT_SEC:g} s:\n{text}\n{output}")
@@ -101,7 +101,7 @@ def typed_in(folder, text):
 
 
 def matches(shown, seen):
-    """Return whether what is seen is what is shown."""
+    """Return whether an output matches the shown text."""
     pattern = "".join(
         r"(?:.*\n)*?" if line.strip() == "…" else re.escape(line.rstrip()).replace("…", ".*") + r"[ ]*\n"
         for line in shown.splitlines()
@@ -109,21 +109,21 @@ def matches(shown, seen):
     return re.fullmatch(pattern, seen) is not None
 
 
-def test_a_tree_is_written_as_the_page_says(tmp_path):
+def test_commands_on_tree_files_page_print_shown_output(tmp_path):
     typed, otherwise = follow(TREES, tmp_path)
     assert typed == 2
     assert otherwise == [], "\n".join(otherwise)
 
 
 @pytest.mark.parametrize("page", PLAIN)
-def test_a_page_that_needs_no_ros_does_what_it_says(page, tmp_path):
+def test_commands_on_page_without_ros_print_shown_output(page, tmp_path):
     typed, otherwise = follow(Path(f"docs/{page}.md").resolve(), tmp_path)
     assert typed == PLAIN[page]
     assert otherwise == [], "\n".join(otherwise)
 
 
 @pytest.mark.ros
-def test_the_first_minute_of_the_readme_shows_what_one_sees(tmp_path):
+def test_readme_quick_start_prints_shown_output(tmp_path):
     typed, otherwise = follow(README, tmp_path, "## 60 seconds")
     assert typed == 3
     assert otherwise == [], "\n".join(otherwise)
@@ -131,7 +131,7 @@ def test_the_first_minute_of_the_readme_shows_what_one_sees(tmp_path):
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_the_lessons_of_the_tutorial_do_what_they_say_one_after_the_other(tmp_path):
+def test_tutorial_lessons_in_order_print_shown_output(tmp_path):
     done = [follow(page, tmp_path) for page in TUTORIAL]
     assert [typed for typed, _ in done] == [2, 2, 2, 2, 2, 4]
     assert [each for _, otherwise in done for each in otherwise] == []
@@ -139,7 +139,7 @@ def test_the_lessons_of_the_tutorial_do_what_they_say_one_after_the_other(tmp_pa
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_one_file_of_properties_serves_before_during_and_after_a_run(tmp_path):
+def test_one_property_file_works_before_during_and_after_a_run(tmp_path):
     typed, otherwise = follow(RUNS, tmp_path)
     assert typed == 3
     assert otherwise == [], "\n".join(otherwise)
@@ -147,7 +147,7 @@ def test_one_file_of_properties_serves_before_during_and_after_a_run(tmp_path):
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_the_course_project_is_run_and_changed_as_the_page_says(tmp_path):
+def test_commands_on_course_project_page_print_shown_output(tmp_path):
     (tmp_path / "trees").symlink_to(Path("trees").resolve())
     sections = (
         "## Run and check the tree",
@@ -161,26 +161,26 @@ def test_the_course_project_is_run_and_changed_as_the_page_says(tmp_path):
 
 
 @pytest.mark.ros
-def test_a_leaf_is_written_and_flown_as_the_page_says(tmp_path):
+def test_commands_on_leaf_page_print_shown_output(tmp_path):
     typed, otherwise = follow(LEAVES, tmp_path)
     assert typed == 4
     assert otherwise == [], "\n".join(otherwise)
 
 
 @pytest.mark.ros
-def test_leaves_by_attributes_are_checked_as_the_page_says(tmp_path):
+def test_commands_on_attribute_leaves_page_print_shown_output(tmp_path):
     typed, otherwise = follow(ROS_LEAVES, tmp_path)
     assert typed == 3
     assert otherwise == [], "\n".join(otherwise)
 
 
-def test_the_package_of_the_page_registers_its_leaves_by_entry_point(tmp_path):
+def test_package_on_leaf_page_registers_leaves_by_entry_point(tmp_path):
     for block in blocks(LEAVES):
         if block.file:
             (tmp_path / block.file).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / block.file).write_text(block.text, encoding="utf-8")
     assert typed_in(tmp_path, "sar-compile validate there_and_back.xml").returncode == 1
-    # What an installation does, without one: the package and its metadata in a folder elsewhere.
+    # Put the package and its metadata in another folder, as an installation does.
     site = tmp_path.parent / f"{tmp_path.name}_site"
     install = f"-q build_py -d {site} egg_info -e {site}"
     site.mkdir()
@@ -199,7 +199,7 @@ def test_the_package_of_the_page_registers_its_leaves_by_entry_point(tmp_path):
         if block.language == "xml" and not block.file
     ],
 )
-def test_every_fragment_of_a_tree_is_correct(fragment):
+def test_every_tree_fragment_has_no_findings(fragment):
     whole = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{fragment}</BehaviorTree></root>'
     text = fragment if fragment.startswith("<root") else whole
     assert [
