@@ -1,4 +1,4 @@
-"""The report of a mission, in each form, read back by the libraries that others read it with."""
+"""Tests of the report of a mission in each form, parsed by the libraries that its readers use."""
 
 import base64
 import html
@@ -41,7 +41,7 @@ FENCE = [0.0, 0.0, 0.0, 9.0, 40.0, 9.0]
 
 
 def with_display(stream):
-    """Yield entries of a search, each fact with the changes of the mission's display behind it, as a run writes them."""
+    """Yield the entries of a search, each event followed by the changes of the mission's display, as in a run."""
     for entry in stream:
         yield entry
         if entry.kind == "run_began":
@@ -59,7 +59,7 @@ def with_display(stream):
 
 
 def mission(*told, simulated=False, parameters=VIENNA, ended=True, name=None, wall=1_700_000_000.0):
-    """Return a search with a survivor and three zones, of which one was given up."""
+    """Return the state of a search with one survivor and three zones, one of which was abandoned."""
     tree = {"class": "Sequence", "name": "Main", "attributes": {}, "children": [], "file": "m.xml", "line": 2}
     about = {"mission": "search_and_rescue", "simulated": simulated, "tree": tree}
     plan = {
@@ -106,7 +106,7 @@ def mission(*told, simulated=False, parameters=VIENNA, ended=True, name=None, wa
 
 
 def shown(kind="survivor", name="survivor_2", state="candidate", **more):
-    """Return an entry that has a mission show a landmark."""
+    """Return an entry that adds a landmark to a mission's display."""
     return "changed", {
         "landmarks": [{"kind": kind, "name": name, "x": 1.0, "y": 1.0, "state": state, **more}]
     }
@@ -123,7 +123,7 @@ def alarm(text, **more):
 
 
 def mission_of(told):
-    """Return a mission by the run, the time of the system's clock, the kind and the data of each entry."""
+    """Return the state of a mission from entries: run, wall time, kind, data."""
     return MissionState.from_stream(
         JournalEntry(number, run, wall, wall, kind, data)
         for number, (run, wall, kind, data) in enumerate(told)
@@ -137,7 +137,7 @@ PATROL = [("photo_taken", {"photo": "photo_1", "points": ["yard", 2]}), ("point_
 NAMELESS = ("zone_searched", {"zone": "zone_b", "survivor": [9.0, 9.0]})
 
 
-class TestWhereTheMapLies:
+class TestGeoreference:
     @pytest.mark.parametrize(
         ("heading", "x", "y", "lat", "lon"),
         [
@@ -147,10 +147,10 @@ class TestWhereTheMapLies:
             (0.0, 0.0, 1000.0, 0.0, -0.00898315),  # y is west
         ],
     )
-    def test_a_position_on_the_map_is_one_on_the_earth(self, heading, x, y, lat, lon):
+    def test_map_position_is_converted_to_coordinates(self, heading, x, y, lat, lon):
         assert Georeference(0.0, 0.0, heading).to_coordinates(x, y) == pytest.approx((lat, lon), abs=1e-8)
 
-    def test_it_is_known_only_if_all_of_it_is_said(self):
+    def test_incomplete_georeference_is_none(self):
         assert Georeference.from_parameters(VIENNA) == (48.2, 16.37, 90.0)
         assert Georeference.from_parameters({"georeference.lat": 48.2}) is None
 
@@ -164,7 +164,7 @@ class TestWhereTheMapLies:
             *((n, math.nan) for n in ("lat", "lon")),
         ],
     )
-    def test_it_is_a_place_on_the_earth(self, name, value):
+    def test_georeference_outside_valid_range_is_none(self, name, value):
         assert Georeference.from_parameters({**VIENNA, f"georeference.{name}": value}) is None
 
 
@@ -172,13 +172,13 @@ HEAD = "6bd4f795" * 8
 
 
 @pytest.mark.parametrize("form", [".html", ".json", ".geojson", ".kml"])
-def test_the_head_of_the_journal_is_told_where_a_report_has_a_place_for_it(form):
+def test_report_contains_head_of_journal(form):
     ended = ("run_ended", {"ending": "over", "status": 1, "reason": "", "head": HEAD})
     assert HEAD in report_text(mission(ended, ended=False), f"r{form}")
 
 
 class TestJson:
-    def test_it_has_who_was_found_where_and_when_base_knew(self):
+    def test_survivor_has_position_and_times_of_detection_and_acknowledgement(self):
         data = json.loads(report_text(mission(), "r.json"))
         (survivor,) = data["landmarks"]["survivors"]
         assert survivor["position"] == {"x": 100.0, "y": 0.0, "lat": 48.19999999, "lon": 16.37134523}
@@ -201,7 +201,7 @@ class TestJson:
         ]
         assert [pose["x"] for pose in data["path"]] == [0.0, 1.0]
 
-    def test_it_has_what_has_happened(self):
+    def test_events_have_data_and_text(self):
         data = json.loads(report_text(mission(*PATROL), "r.json"))
         assert [(each["time"], each["kind"], each["data"], each["text"]) for each in data["facts"][-2:]] == [
             (
@@ -214,31 +214,31 @@ class TestJson:
         ]
         assert data["facts"][0]["text"] == "set out for zone_a"
 
-    def test_an_alarm_says_since_when_it_is_there(self):
+    def test_alarm_has_time_of_its_first_report(self):
         (told,) = report_data(mission(alarm("low"), alarm("low", is_over=True)))["alarms"]
         assert (told["text"], told["time"], told["is_over"]) == ("low", 11.0, True)
 
-    def test_each_watched_property_has_its_verdict_and_a_broken_one_since_when_and_by_what(self):
+    def test_property_has_verdict_and_time_and_event_of_violation(self):
         assert report_data(mission())["properties"] == []
         broken, kept = report_data(mission(*WATCHED))["properties"]
         assert (broken["name"], broken["verdict"], broken["event"]) == ("a", "broken", "Drive aborted")
         assert broken["broken"]["time"] == 12.0
         assert (kept["name"], kept["verdict"], kept["broken"]) == ("b", "kept", None)
 
-    def test_without_a_place_on_the_earth_positions_are_those_of_the_map(self):
+    def test_positions_are_map_coordinates_without_georeference(self):
         (survivor,) = report_data(mission(parameters={}))["landmarks"]["survivors"]
         assert survivor["position"] == {"x": 100.0, "y": 0.0}
 
-    def test_what_a_mission_adds_of_a_landmark_takes_nothing_from_what_each_has(self):
+    def test_details_of_landmark_do_not_replace_its_standard_fields(self):
         told = shown(name="a", details={"name": "b", "height": 3.0})
         survivor = report_data(mission(told))["landmarks"]["survivors"][-1]
         assert (survivor["name"], survivor["height"]) == ("a", 3.0)
 
-    def test_it_says_of_when_it_is(self):
+    def test_report_states_its_time(self):
         assert report_data(mission())["as_of"] == "2023-11-14T22:13:31Z"
         assert report_data(MissionState())["as_of"] is None
 
-    def test_a_run_without_an_end_is_what_it_is_at_until_its_process_is_gone(self):
+    def test_outcome_of_unfinished_run_is_its_phase_until_process_is_gone(self):
         state = mission(ended=False)
         assert report_data(state)["outcome"] == "working"
         state.process = RunProcess(is_gone=True)
@@ -251,38 +251,38 @@ class TestGeoJson:
         assert read.is_valid, read.errors()
         return read["features"]
 
-    def test_longitude_stands_first(self):
+    def test_longitude_comes_first(self):
         (survivor,) = [each for each in self.features() if each["properties"]["kind"] == "survivor"]
         assert survivor["geometry"]["coordinates"] == pytest.approx([16.3713452, 48.2], abs=1e-6)
 
-    def test_there_is_a_feature_for_each_landmark_and_way(self):
+    def test_each_landmark_and_path_is_a_feature(self):
         kinds = sorted(each["properties"]["kind"] for each in self.features())
         assert kinds == ["base", "geofence", "path", "survivor", "zone", "zone", "zone"]
 
-    def test_an_area_lies_to_the_left_of_its_boundary(self):
+    def test_ring_of_area_is_closed_and_counterclockwise(self):
         (fence,) = [each for each in self.features() if each["properties"]["kind"] == "geofence"]
         (ring,) = fence["geometry"]["coordinates"]
         area = sum(ax * by - bx * ay for (ax, ay), (bx, by) in itertools.pairwise(ring))
         assert ring[0] == ring[-1]
         assert area > 0
 
-    def test_who_was_rejected_is_still_there_and_says_so(self):
+    def test_rejected_survivor_is_included_as_rejected(self):
         (survivor,) = [each for each in self.features(REJECTED) if each["properties"]["kind"] == "survivor"]
         assert (survivor["properties"]["state"], survivor["properties"]["level"]) == ("rejected", "given_up")
 
     @pytest.mark.parametrize("simulated", [True, False])
-    def test_each_of_them_says_whether_it_is_of_a_simulation(self, simulated):
+    def test_each_feature_states_if_it_is_simulated(self, simulated):
         text = report_text(mission(simulated=simulated), "r.geojson")
         assert {each["properties"]["simulated"] for each in json.loads(text)["features"]} == {simulated}
 
-    def test_what_a_terminal_would_obey_or_no_encoding_has_is_escaped(self):
+    def test_control_characters_and_lone_surrogates_are_escaped(self):
         text = report_text(mission(shown(name="\u202e\x1b[2J\ud800")), "r.geojson")
         assert r"\u202e\u001b[2J\ud800" in text
         assert text.encode().isascii()
 
 
 OGC = "{http://www.opengis.net/kml/2.2}"
-# What stands where by the norm, as far as it is used here.
+# The order of child elements in the standard, for the elements that are used here.
 OGC_ORDER = {
     "kml": ["Document"],
     "Document": ["name", "description", "Placemark"],
@@ -308,19 +308,19 @@ class TestKml:
             each.findtext(f"{OGC}name"): each for each in self.read(*told, **about).iter(f"{OGC}Placemark")
         }
 
-    def test_its_elements_are_those_of_the_ogc_in_their_order(self):
+    def test_elements_have_order_of_ogc_schema(self):
         for element in self.read().iter():
             names = [each.tag.removeprefix(OGC) for each in element]
             order = OGC_ORDER.get(element.tag.removeprefix(OGC), [])
             assert names == sorted(names, key=order.index)
 
-    def test_there_is_a_placemark_for_each_landmark_and_way(self):
+    def test_each_landmark_and_path_is_a_placemark(self):
         assert sorted(self.placemarks()) == [
             f"robot1/{name}"
             for name in ("base station", "geofence", "run 1", "survivor_1", "zone_a", "zone_b", "zone_c")
         ]
 
-    def test_longitude_stands_first_and_an_area_is_closed(self):
+    def test_longitude_comes_first_and_ring_is_closed(self):
         marks = self.placemarks()
         assert marks["robot1/survivor_1"].findtext(f".//{OGC}coordinates") == "16.37134523,48.19999999"
         ring = marks["robot1/geofence"].findtext(f".//{OGC}coordinates").split()
@@ -328,7 +328,7 @@ class TestKml:
         way = marks["robot1/run 1"].findtext(f".//{OGC}coordinates").split()
         assert way == ["16.37000000,48.20000000", "16.37001345,48.20000000"]
 
-    def test_each_says_what_it_is(self):
+    def test_description_names_kind_and_state(self):
         said = {name: each.findtext(f"{OGC}description") for name, each in self.placemarks().items()}
         assert said["robot1/survivor_1"].startswith(
             "survivor: candidate; found in zone_a at (100.00, 0.00) m on the robot's map"
@@ -336,7 +336,7 @@ class TestKml:
         assert said["robot1/zone_b"] == "zone: abandoned, after attempt 2"
         assert said["robot1/base station"] == "base"
 
-    def test_an_outline_says_what_is_known_of_it(self):
+    def test_description_of_outline_lists_its_nonempty_details(self):
         corners = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]
         details = {"POD": "61.8%", "sweep width W": "3.2 m", "area A": "", "gaps": 0}
         area = shown("geofence", "yard", "9 of 9 pieces", corners=corners, details=details)
@@ -355,47 +355,47 @@ class TestKml:
             ([], "run 1", "trail"),
         ],
     )
-    def test_each_has_the_colour_that_it_has_on_a_dark_page(self, told, name, colour):
+    def test_placemark_has_colour_of_dark_page(self, told, name, colour):
         red, green, blue = re.findall("[0-9a-f]{2}", COLOURS[colour].dark)
         drawn = self.placemarks(*told)[f"robot1/{name}"].findtext(f".//{OGC}IconStyle/{OGC}color")
         assert drawn == f"ff{blue}{green}{red}"
 
-    def test_who_is_certainly_there_is_larger(self):
+    def test_confirmed_survivor_has_larger_icon(self):
         scales = [
             self.placemarks(*told)["robot1/survivor_1"].findtext(f".//{OGC}IconStyle/{OGC}scale")
             for told in ([], [CONFIRMED])
         ]
         assert scales == [None, "1.4"]
 
-    def test_what_lies_below_an_area_is_seen(self):
+    def test_area_is_transparent(self):
         assert self.placemarks()["robot1/geofence"].findtext(f".//{OGC}PolyStyle/{OGC}color")[:2] == "40"
 
-    def test_of_a_simulation_each_placemark_says_so(self):
+    def test_placemarks_of_simulation_are_marked_as_simulated(self):
         marks = self.placemarks(simulated=True).values()
         assert all(each.findtext(f"{OGC}description").startswith("SIMULATED. ") for each in marks)
 
-    def test_what_a_stranger_has_written_is_a_text_in_a_description_as_well(self):
+    def test_markup_in_names_is_escaped_in_description(self):
         marks = self.placemarks(shown(name=NASTY, state=NASTY))
         mark = marks["robot1/" + NASTY.replace("\x1b", r"\x1b")]
         assert "survivor: &lt;script&gt;alert('x')&lt;/script&gt;&amp;" in mark.findtext(f"{OGC}description")
 
 
-def as_tak_reads(line):
+def parse_tak_event(line):
     return takproto.parse_proto(takproto.xml2proto(line)).cotEvent
 
 
 class TestCursorOnTarget:
-    def test_tak_reads_an_event_for_each_survivor(self):
+    def test_tak_parses_event_of_each_survivor(self):
         (line,) = report_text(mission(CONFIRMED), "r.cot").splitlines()
-        event = as_tak_reads(line)
+        event = parse_tak_event(line)
         assert (event.type, event.how) == ("b-m-p-s-m", "m-g")
         assert (event.lat, event.lon) == pytest.approx((48.2, 16.3713452), abs=1e-6)
         assert event.detail.contact.callsign == "robot1/survivor_1"
         assert ET.fromstring(line).get("version") == "2.0"  # noqa: S314 - our own
 
-    def test_an_event_is_made_now_lasts_a_day_and_is_of_when_somebody_was_found(self):
+    def test_event_starts_at_detection_and_expires_one_day_after_sending(self):
         made = datetime(2024, 2, 28, 12, 0, tzinfo=timezone.utc)
-        event = as_tak_reads(cot_report(mission(), made))
+        event = parse_tak_event(cot_report(mission(), made))
         assert event.startTime == 1_700_000_005_000
         assert event.sendTime == made.timestamp() * 1000
         assert event.staleTime == datetime(2024, 2, 29, 12, 0, tzinfo=timezone.utc).timestamp() * 1000
@@ -406,27 +406,27 @@ class TestCursorOnTarget:
             for line in report_text(mission(*told, **about), "r.cot").splitlines()
         ]
 
-    def test_a_survivor_of_another_mission_is_another_one(self):
+    def test_survivors_of_different_missions_have_different_uids(self):
         assert self.uids() == ["robot1.sar.20231114T221320Z.1"]
         assert self.uids(wall=1_700_086_400.0) == ["robot1.sar.20231115T221320Z.1"]
 
-    def test_somebody_is_the_same_whatever_the_operator_says_and_with_a_name(self):
+    def test_uid_of_survivor_is_independent_of_review_and_name(self):
         named = ("survivor_named", {"survivor": "survivor_2", "x": 9.0, "y": 9.0})
         later = [self.uids(NAMELESS, *told)[-1] for told in ((), (REJECTED,), (named,))]
         assert set(later) == {"robot1.sar.20231114T221320Z.2"}
 
-    def test_nobody_is_sent_to_who_was_rejected(self):
+    def test_rejected_survivor_has_no_event(self):
         assert report_text(mission(REJECTED), "r.cot") == ""
 
-    def test_of_a_simulation_it_is_said_to_be_one(self):
+    def test_event_of_simulation_is_marked_as_simulated(self):
         text = report_text(mission(simulated=True), "r.cot")
-        assert as_tak_reads(text).detail.contact.callsign == "SIM robot1/survivor_1"
+        assert parse_tak_event(text).detail.contact.callsign == "SIM robot1/survivor_1"
         assert "SIMULATED" in text
 
-    def test_what_a_stranger_has_written_is_a_text(self):
+    def test_markup_and_control_characters_are_escaped(self):
         told = shown(name=NASTY, state="a\nb\ud800\uffff", level=1)
         line = report_text(mission(told), "r.cot").splitlines()[1]
-        assert as_tak_reads(line).detail.contact.callsign == "robot1/" + NASTY.replace("\x1b", r"\x1b")
+        assert parse_tak_event(line).detail.contact.callsign == "robot1/" + NASTY.replace("\x1b", r"\x1b")
         assert r">a\nb\ud800\ufffd; found" in line.replace("\ufffd", r"\ufffd")
 
 
@@ -434,7 +434,7 @@ class TestCommonAlertingProtocol:
     def read(self, *told, **about):
         return XmlParser().from_string(report_text(mission(*told, **about), "r.cap"), Alert)
 
-    def test_an_alert_has_an_info_for_each_survivor_with_a_circle_around_it(self):
+    def test_alert_has_info_with_circle_for_each_survivor(self):
         alert = self.read()
         assert (alert.status, alert.scope) == (Status.ACTUAL, Scope.RESTRICTED)
         assert alert.note == "FAILED: zone_b was abandoned."
@@ -451,12 +451,12 @@ class TestCommonAlertingProtocol:
         assert [float(each) for each in place.split(",")] == pytest.approx([48.2, 16.3713452], abs=1e-7)
         assert radius == "0.002"
 
-    def test_it_is_sent_at_a_time_as_the_norm_writes_it(self):
+    def test_sent_time_has_format_of_standard(self):
         text = report_text(mission(), "r.cap")
-        # In UTC the norm has no letter, and no plus.
+        # The standard writes UTC as -00:00, without Z and without a plus sign.
         assert ET.fromstring(text).findtext("{*}sent") == "2023-11-14T22:13:31-00:00"  # noqa: S314 - our own
 
-    def test_what_has_become_of_the_mission_since_is_another_alert(self):
+    def test_alerts_of_different_times_or_missions_have_different_identifiers(self):
         identifiers = [
             self.read(ended=ended, wall=wall).identifier
             for ended, wall in ((False, 1_700_000_000.0), (True, 1_700_000_000.0), (True, 1_700_000_100.0))
@@ -467,19 +467,19 @@ class TestCommonAlertingProtocol:
             "robot1.sar.20231114T221500Z-20231114T221511Z",
         ]
 
-    def test_who_is_confirmed_was_observed_and_others_are_likely(self):
+    def test_confirmed_survivor_is_observed_and_others_are_likely(self):
         assert self.read().infos[0].certainty is Certainty.LIKELY
         assert self.read(CONFIRMED).infos[0].certainty is Certainty.OBSERVED
 
-    def test_a_simulation_is_an_exercise(self):
+    def test_alert_of_simulation_is_an_exercise(self):
         assert self.read(simulated=True).status is Status.EXERCISE
 
-    def test_who_was_rejected_is_nobody_to_go_to(self):
+    def test_rejected_survivor_has_no_info(self):
         assert self.read(REJECTED).infos == []
 
 
 def texts(page):
-    """Return what is read on a page, without its style."""
+    """Return the visible text of a page."""
     body = re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL)
     return html.unescape(re.sub(r"<[^>]*>", "\n", body))
 
@@ -488,13 +488,13 @@ def percent(value, name="share seen"):
     return ("changed", {"figures": [{"name": name, "value": value, "unit": "%"}]})
 
 
-class TestCourses:
-    def test_a_figure_in_percent_is_kept_with_each_moment_at_which_it_has_changed(self):
+class TestFigureHistory:
+    def test_percentage_figure_is_kept_with_time_of_each_change(self):
         data = report_data(mission(percent(10), percent(40.5)))
         assert [each["value"] for each in data["courses"]["share seen"]] == [10, 40.5]
         assert all(each["utc"] for each in data["courses"]["share seen"])
 
-    def test_one_that_has_changed_is_drawn_in_steps_between_0_and_100(self):
+    def test_changed_figure_is_drawn_as_steps_between_0_and_100(self):
         page = html_report(mission(percent(10), percent(150)))
         [points] = re.findall(r'<polyline class="course" points="([^"]+)"', page)
         heights = [float(point.partition(",")[2]) for point in points.split()]
@@ -505,17 +505,17 @@ class TestCourses:
     @pytest.mark.parametrize(
         "told", [[percent(10)], [percent(10), percent(10)], [percent(math.nan), percent(10)]]
     )
-    def test_one_that_has_not_changed_or_is_no_number_is_not_drawn(self, told):
+    def test_unchanged_or_non_numeric_figure_is_not_drawn(self, told):
         assert 'polyline class="course"' not in html_report(mission(*told))
 
-    def test_what_a_stranger_has_called_a_figure_is_a_text(self):
+    def test_markup_in_figure_name_is_escaped(self):
         page = html_report(mission(percent(1, "<b>"), percent(2, "<b>")))
         assert "<b>" not in page
         assert "&lt;b&gt;" in page
 
 
-class TestThePage:
-    def test_it_needs_nothing_but_itself(self):
+class TestHtml:
+    def test_page_is_self_contained(self):
         page = html_report(mission())
         assert re.findall(r"""(?:src|href)=["'](?!data:)""", page) == []
         assert "@import" not in page
@@ -526,7 +526,7 @@ class TestThePage:
         assert policy[1].startswith("default-src 'none'; style-src 'unsafe-inline'; img-src data:;")
         assert page.index(policy[0]) < page.index("<title>")
 
-    def test_it_says_what_has_come_of_the_mission_and_who_was_found_where(self):
+    def test_page_shows_outcome_and_survivor_positions(self):
         read = texts(html_report(mission()))
         for words in (
             "FAILED: zone_b was abandoned.",
@@ -537,7 +537,7 @@ class TestThePage:
         ):
             assert words in read
 
-    def test_what_is_not_done_stands_at_the_top_by_its_state(self):
+    def test_unfinished_zones_are_listed_at_top_by_state(self):
         head, tables = html_report(mission(("zone_visited", {"zone": "zone_c"}))).split(
             '<section class="second">'
         )
@@ -551,7 +551,7 @@ class TestThePage:
         part = html_report(mission(*told, **about)).partition("<h2>What to do next</h2>")[2]
         return [html.unescape(each) for each in re.findall("<li>(.*?)</li>", part.partition("<h2>")[0])]
 
-    def test_what_there_is_to_do_next_is_who_to_go_to_and_where_nobody_has_looked(self):
+    def test_next_steps_list_survivors_robot_and_unsearched_zones(self):
         assert self.steps() == [
             "Go to survivor_1 at 48.2000000, 16.3713452 (not confirmed)",
             "Fetch the robot: it has not reached base station",
@@ -559,26 +559,26 @@ class TestThePage:
             "Send people to search zone_c: not reached",
         ]
 
-    def test_who_was_confirmed_is_gone_to_as_such_and_who_was_rejected_is_not(self):
+    def test_next_steps_mark_confirmed_survivor_and_omit_rejected_one(self):
         assert "(confirmed)" in self.steps(CONFIRMED)[0]
         assert not any("survivor_1" in step for step in self.steps(REJECTED))
 
-    def test_whom_the_mission_was_not_done_with_must_be_passed_on(self):
+    def test_next_steps_ask_to_report_survivor_with_unfinished_report(self):
         steps = self.steps(shown(name="survivor_2", level=1))
         assert "Report survivor_2 yourself: the mission did not finish reporting it" in steps
 
-    def test_metres_of_the_map_are_no_coordinates_to_go_by(self):
+    def test_next_steps_ask_for_georeference_if_positions_are_on_map_only(self):
         first, *_, last = self.steps(parameters={})
         assert first.startswith("Go to survivor_1 at 100.00, 0.00 (")
         assert "--georeference LAT,LON,HEADING" in last
         assert not any("--georeference" in step for step in self.steps(REJECTED, parameters={}))
 
-    def test_of_a_mission_that_is_not_over_a_later_report_is_asked_for(self):
+    def test_next_steps_ask_for_later_report_of_unfinished_mission(self):
         assert self.steps(ended=False)[-1].startswith(
             "Ask for a later report: the run had not ended at 2023-11-1"
         )
 
-    def test_the_properties_of_a_watched_run_are_for_engineers(self):
+    def test_properties_are_in_engineers_section(self):
         page = html_report(mission(*WATCHED))
         _, _, table = page.partition('<section class="annex">')[2].partition("<h2>Properties</h2>")
         rows = re.findall(r"<tr.*?</tr>", table.partition("</table>")[0])
@@ -591,13 +591,13 @@ class TestThePage:
     @pytest.mark.parametrize(
         ("parameters", "letters"), [(VIENNA, ["N"]), ({}, ["y", "x"])], ids=["on the earth", "nowhere"]
     )
-    def test_the_map_shows_north_or_its_axes_where_north_is_unknown(self, parameters, letters):
+    def test_map_shows_north_or_its_axes_if_north_is_unknown(self, parameters, letters):
         sign = re.findall(r'<g class="north".*?</g>', html_report(mission(parameters=parameters)))
         assert re.findall("<text[^>]*>(.)</text>", sign[0]) == letters
         turned = html_report(mission(parameters={**VIENNA, "georeference.heading": 0.0}))
         assert 'rotate(90.0)"><path d="M0 -15' in turned
 
-    def test_a_report_states_what_its_readers_cannot_rely_on(self):
+    def test_page_states_limits_of_report(self):
         limits = lambda *told, **more: html_report(mission(*told, **more)).partition("<h2>Limits")[2]  # noqa: E731
         assert "No person has confirmed survivor_1." in limits()
         assert "No person has confirmed" not in limits(CONFIRMED)
@@ -607,10 +607,10 @@ class TestThePage:
         assert "not on the earth" not in limits()
         assert "The end of the run is not recorded." in limits(ended=False)
 
-    def test_a_mission_that_has_left_nothing_says_so(self):
+    def test_mission_without_open_tasks_states_so(self):
         assert "There are no open tasks." in html_report(MissionState())
 
-    def test_what_engineers_read_comes_last_and_is_not_printed(self):
+    def test_engineers_section_comes_last_and_is_not_printed(self):
         page = html_report(mission(alarm("low"), *PATROL))
         first, engineers = page.split('<section class="annex">')
         heads = [re.findall("<h2>(.*?)</h2>", part) for part in (first, engineers)]
@@ -629,7 +629,7 @@ class TestThePage:
         ]
         assert ".annex { display: none }" in page.partition("@media print")[2]
 
-    def test_it_says_where_the_robot_is(self):
+    def test_page_states_location_of_robot(self):
         def robot(*told):
             (said,) = re.findall("<dt>robot</dt><dd>([^<]*)</dd>", html_report(mission(*told)))
             return said
@@ -637,15 +637,15 @@ class TestThePage:
         assert robot() == "last seen at (1.00, 0.00)"
         assert robot(("base_reached", {})) == "at base station"
 
-    def test_an_unfinished_mission_says_of_when_that_is(self):
+    def test_page_of_unfinished_mission_states_its_time(self):
         assert "as of\n\n2023-11-1" in texts(html_report(mission(ended=False)))
         assert "as of" not in texts(html_report(mission()))
 
-    def test_the_map_says_what_is_not_done(self):
+    def test_map_labels_state_of_unfinished_zones(self):
         said = re.findall(r'<text class="label (?:said)?" [^>]*>([^<]*)</text>', report_map(mission()))
         assert said == ["zone_a", "zone_b", "abandoned", "zone_c", "open", "base station"]
 
-    def test_somebody_whose_position_cannot_be_used_is_an_alarm_until_the_zone_is_searched_again(self):
+    def test_survivor_at_unusable_position_is_alarm_until_zone_is_searched_again(self):
         unplaced = ("survivor_unplaced", {"zone": "zone_c", "reason": "(nan, 1.0) is not a position"})
         again = ("zone_searched", {"zone": "zone_c", "survivor": None})
         said = "There is a survivor at an unusable position in zone_c: (nan, 1.0) is not a position"
@@ -654,14 +654,14 @@ class TestThePage:
             assert (alarm["text"], alarm["is_over"]) == (said, is_over)
             assert said in html_report(mission(*told))
 
-    def test_everything_on_the_map_and_nothing_else_is_in_its_legend(self):
+    def test_legend_lists_exactly_the_symbols_on_map(self):
         found = ("survivor_named", {"survivor": "survivor_2", "x": 1.0, "y": 1.0})
         square = ("changed", {"kinds": [{"name": "box", "plural": "boxes", "shape": "square"}]})
         page = html_report(mission(found, REJECTED, ("zone_visited", {"zone": "zone_c"})))
         drawn, rest = page.split('<ul class="legend">')
         items = rest.split("</ul>")[0]
         known = r'<(?:g|polygon|path|polyline) class="([^"]+)"'
-        # The sign of the directions has its own letters.
+        # The symbol of the directions is labelled and is not in the legend.
         classes = set(re.findall(known, drawn)) - {"north"}
         assert classes == {
             "mark done",
@@ -686,7 +686,7 @@ class TestThePage:
         ]
         assert f'<path d="{MARKS["square"]}"/>' in html_report(mission(square, shown("box", "b", "")))
 
-    def test_times_of_other_days_and_runs_say_so(self):
+    def test_times_state_day_and_run_if_there_are_several(self):
         began: dict[str, object] = {"run": {}}
         noon = datetime(2024, 2, 28, 12, 0).timestamp()  # noqa: DTZ001 - the page's times are local
         told = [(1, noon, "run_began", began), (1, noon + 5, "first", {})]
@@ -698,7 +698,7 @@ class TestThePage:
         assert "\nrun 1, 12:00:05 (0:05)\n" in read
         assert "\nrun 2, 2024-02-29 12:00:02 (0:02)\n" in read
 
-    def test_who_base_does_not_know_of_stands_out(self):
+    def test_unreported_survivor_is_highlighted(self):
         found = ("survivor_named", {"survivor": "survivor_2", "x": 1.0, "y": 1.0})
         kept = ("report_kept", {"survivor": "survivor_2", "x": 1.0, "y": 1.0})
         page = html_report(mission(found, kept))
@@ -706,7 +706,7 @@ class TestThePage:
         assert rows == {"done found": "survivor_1", "in-hand found": "survivor_2"}
         assert "tr.found.in-hand td { color: var(--failure) }" in page
 
-    def test_faults_alarms_and_orders_are_told(self):
+    def test_page_lists_errors_alarms_and_commands(self):
         told = [
             ("log", {"node": "bt_navigator", "level": 40, "text": "Goal aborted"}),
             ("alarmed", {"reason": "the battery is at 12 %"}),
@@ -717,7 +717,7 @@ class TestThePage:
         for words in ("Goal aborted", "the battery is at 12 %", "Ada: Go home", "go home"):
             assert words in read
 
-    def test_what_has_happened_is_told_in_words(self):
+    def test_all_events_have_text(self):
         (table,) = re.findall("<h2>All events</h2>(.*?)<h2>", html_report(mission(*PATROL)))
         cells = re.findall('data-head="event">([^<]*)</td>', table)
         assert [html.unescape(cell) for cell in cells[-2:]] == [
@@ -725,24 +725,24 @@ class TestThePage:
             "point left",
         ]
 
-    def test_of_very_much_the_page_says_how_much_more_there_is(self):
+    def test_page_limits_events_and_states_number_of_omitted_ones(self):
         page = html_report(mission(*[("reading", {"at": each}) for each in range(996)]))
         assert page.count('<td class="text" data-head="event">') == 1000 + 12
         assert "3 more are in the journal." in page
 
-    def test_the_way_of_the_robot_is_drawn_over_the_map(self):
+    def test_path_of_robot_is_drawn_over_map(self):
         page = html_report(mission())
         assert f"data:image/png;base64,{PNG}" in page
         assert '<polyline class="trail" points="0.000,-0.000 1.000,-0.000"/>' in page
 
-    def test_a_picture_that_is_none_is_left_out(self):
+    def test_invalid_map_image_is_omitted(self):
         (change,) = [
             ("map", {"x": 0, "y": 0, "resolution": 1, "width": 1, "height": 1, "png": '"/><script>'})
         ]
         assert "<image" not in html_report(mission(change))
 
     @pytest.mark.parametrize(("yaw", "is_drawn"), [(1e-9, True), (-1e-9, True), (0.1, False), (-0.1, False)])
-    def test_a_map_that_is_hardly_turned_is_drawn(self, yaw, is_drawn):
+    def test_map_is_drawn_only_if_its_rotation_is_negligible(self, yaw, is_drawn):
         change = ("map", {"x": 0, "y": 0, "resolution": 1, "width": 1, "height": 1, "png": PNG, "yaw": yaw})
         assert ("<image" in html_report(mission(change))) == is_drawn
 
@@ -756,17 +756,17 @@ class TestThePage:
             ("status", {"node": 0, "tick": 1, "status": "\ud800", "message": "\ud800"}),
         ],
     )
-    def test_what_cannot_be_so_does_not_keep_a_report_from_being_made(self, told):
+    def test_invalid_values_do_not_prevent_any_report_form(self, told):
         for ending in FORMS:
             assert report_text(mission(told), f"r{ending}").encode()
 
-    def test_a_mission_at_the_end_of_the_numbers_has_no_map(self):
+    def test_extremely_distant_landmark_yields_no_map(self):
         far = {"landmarks": [{"kind": "place", "name": "far", "x": 1e17, "y": 0.0}], "kinds": [PLACE]}
         state = MissionState.from_stream([JournalEntry(1, 1, 0.0, 0.0, "changed", far)])
         assert state.situation.landmarks
         assert report_map(state) == ""
 
-    def test_a_simulation_says_not_to_act_on_it_and_has_no_next_steps(self):
+    def test_page_of_simulation_warns_readers_and_has_no_next_steps(self):
         page = texts(html_report(mission(simulated=True)))
         assert "\nSIMULATED. Do not act on this report: no real people were involved.\n" in page
         assert "Go to survivor_1" not in page
@@ -792,50 +792,50 @@ class TestThePage:
             ("run_ended", {"ending": NASTY, "status": 1, "reason": NASTY}),
         ],
     )
-    def test_what_a_stranger_has_written_is_a_text(self, told):
+    def test_markup_and_control_characters_are_escaped(self, told):
         page = html_report(mission(told, name=NASTY))
         assert "<script" not in page
         assert "\x1b" not in page
 
-    def test_a_journal_of_no_mission_has_a_page_too(self):
+    def test_empty_journal_has_page(self):
         assert "not begun" in html_report(MissionState())
 
 
-class TestWhatIsRefusedBeforehand:
+class TestRequireForm:
     @pytest.mark.parametrize("ending", sorted(FORMS))
-    def test_each_form_can_be_asked_for(self, ending, tmp_path):
+    def test_each_form_is_accepted(self, ending, tmp_path):
         require_form(tmp_path / f"report{ending}", Georeference(48.2, 16.37, 90.0))
 
     @pytest.mark.parametrize("ending", [".geojson", ".kml", ".cot", ".cap"])
-    def test_coordinates_of_the_world_take_the_place_of_the_map(self, ending, tmp_path):
+    def test_world_coordinate_forms_require_georeference(self, ending, tmp_path):
         with pytest.raises(
             ReportError, match=r"Add georeference: {lat: …, lon: …, heading: …} to the parameter file"
         ):
             require_form(tmp_path / f"report{ending}", None)
 
-    def test_another_ending_is_no_form(self, tmp_path):
+    def test_unknown_file_name_ending_is_rejected(self, tmp_path):
         with pytest.raises(
             ReportError,
             match=r"the report format of .*report.pdf is unknown \(known file name endings: \.html, \.json, \.geojson, \.kml, \.cot, \.cap\)",
         ):
             require_form(tmp_path / "report.pdf", None)
 
-    def test_there_must_be_the_folder(self, tmp_path):
+    def test_missing_folder_is_rejected(self, tmp_path):
         with pytest.raises(ReportError, match="does not exist"):
             require_form(tmp_path / "not" / "report.html", None)
 
-    def test_a_folder_is_no_file(self, tmp_path):
+    def test_folder_instead_of_file_is_rejected(self, tmp_path):
         (tmp_path / "r.html").mkdir()
         with pytest.raises(ReportError, match="it is a folder"):
             require_form(tmp_path / "r.html", None)
 
-    def test_the_folder_must_take_files(self, tmp_path, monkeypatch):
-        # Root may write to each of them, and tests may be run by root.
+    def test_folder_without_write_permission_is_rejected(self, tmp_path, monkeypatch):
+        # The tests may run as root, who may write to every folder.
         monkeypatch.setattr(os, "access", lambda path, mode: (path, mode) != (tmp_path, os.W_OK))
         with pytest.raises(ReportError, match=f"you do not have permission to write to {tmp_path}"):
             require_form(tmp_path / "r.html", None)
 
-    def test_a_device_is_written_to_wherever_it_is(self, tmp_path, monkeypatch):
+    def test_device_is_accepted_in_folder_without_write_permission(self, tmp_path, monkeypatch):
         monkeypatch.setattr(os, "access", lambda path, _: path != tmp_path)
         (tmp_path / "r.html").symlink_to(os.devnull)
         require_form(tmp_path / "r.html", None)
@@ -849,7 +849,7 @@ class TestWhatIsRefusedBeforehand:
             (".cap", "xsdata"),
         ],
     )
-    def test_the_libraries_must_be_there(self, ending, library, tmp_path, monkeypatch):
+    def test_missing_library_is_rejected(self, ending, library, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, library, None)
         with pytest.raises(ImportError, match=library):
             require_form(tmp_path / f"report{ending}", Georeference(48.2, 16.37, 90.0))

@@ -1,4 +1,4 @@
-"""The reports of a run, and of a journal: what becomes of the others if one of them cannot be made or written."""
+"""Tests of writing several reports of a run or a journal: one that fails does not prevent the others."""
 
 import json
 import re
@@ -17,8 +17,8 @@ BEGAN = JournalEntry(1, 1, 1.7e9, 0.0, "run_began", {"mission": "patrol", "ident
 
 
 @pytest.fixture
-def breaking(monkeypatch):
-    """Let the first form of two be one that cannot be made."""
+def failing_html(monkeypatch):
+    """Let the HTML report fail."""
 
     def fail(*_):
         message = "no way"
@@ -32,7 +32,7 @@ def files(tmp_path):
     return [tmp_path / "r.html", tmp_path / "r.json"]
 
 
-def test_a_report_that_cannot_be_made_is_told_and_the_others_are_written(breaking, files, capsys):
+def test_failing_form_is_reported_and_other_forms_are_written(failing_html, files, capsys):
     report = RunReport(files, None, [], files[0].parent)
     report.on_entry(BEGAN)
     report.on_end(has_begun=True)
@@ -42,7 +42,7 @@ def test_a_report_that_cannot_be_made_is_told_and_the_others_are_written(breakin
     assert '"mission": "patrol"' in files[1].read_text(encoding="utf-8")
 
 
-def test_a_file_that_cannot_be_written_any_more_is_told_and_the_others_are_written(files, capsys):
+def test_unwritable_file_is_reported_and_other_forms_are_written(files, capsys):
     report = RunReport(files, None, [], files[0].parent)
     report.on_entry(BEGAN)
     files[0].mkdir()
@@ -51,7 +51,7 @@ def test_a_file_that_cannot_be_written_any_more_is_told_and_the_others_are_writt
     assert files[1].exists()
 
 
-def test_a_run_that_has_not_begun_has_no_report(files):
+def test_run_that_has_not_begun_has_no_report(files):
     RunReport(files, None, [BEGAN], files[0].parent).on_end(has_begun=False)
     assert not any(file.exists() for file in files)
 
@@ -61,8 +61,8 @@ OPTION = ("--georeference", "-33.9,18.4,0")
 
 
 @pytest.fixture
-def journal_of(tmp_path):
-    """Return the file of a journal that a run with parameters has left."""
+def write_journal(tmp_path):
+    """Return a function that writes the journal of a run with parameters and returns its path."""
 
     def write(**parameters):
         journal = open_journal(tmp_path / "m.journal")
@@ -74,12 +74,12 @@ def journal_of(tmp_path):
     return write
 
 
-def written(tmp_path):
+def written_reports(tmp_path):
     return {file.name for file in tmp_path.iterdir() if file.name.startswith("r.")}
 
 
-def test_of_a_journal_the_others_are_written_if_one_cannot_be_made(breaking, files, journal_of, capsys):
-    assert main(["report", journal_of(), "-o", *map(str, files)]) == 1
+def test_command_writes_other_forms_if_one_fails(failing_html, files, write_journal, capsys):
+    assert main(["report", write_journal(), "-o", *map(str, files)]) == 1
     assert not files[0].exists()
     assert files[1].exists()
     assert capsys.readouterr().err == (
@@ -87,10 +87,10 @@ def test_of_a_journal_the_others_are_written_if_one_cannot_be_made(breaking, fil
     )
 
 
-def test_of_a_journal_each_form_that_can_be_written_is_and_the_others_are_told(journal_of, tmp_path, capsys):
+def test_command_writes_possible_forms_and_reports_others(write_journal, tmp_path, capsys):
     out = [str(tmp_path / f"r.{ending}") for ending in ("geojson", "pdf", "html", "cot", "json")]
-    assert main(["report", journal_of(), "-o", *out]) == 1
-    assert written(tmp_path) == {"r.html", "r.json"}
+    assert main(["report", write_journal(), "-o", *out]) == 1
+    assert written_reports(tmp_path) == {"r.html", "r.json"}
     told = capsys.readouterr().err.splitlines()
     assert [
         line.startswith(f"sar-journal: {out[at]} contains world coordinates")
@@ -101,43 +101,43 @@ def test_of_a_journal_each_form_that_can_be_written_is_and_the_others_are_told(j
 
 
 @pytest.mark.parametrize(("form", "library"), [("geojson", "geojson"), ("html", "jinja2")])
-def test_of_a_journal_a_form_whose_library_is_missing_is_told(
-    journal_of, tmp_path, capsys, monkeypatch, form, library
+def test_command_reports_form_with_missing_library(
+    write_journal, tmp_path, capsys, monkeypatch, form, library
 ):
     monkeypatch.setitem(sys.modules, library, None)
     out = [str(tmp_path / f"r.{form}"), str(tmp_path / "r.json")]
-    assert main(["report", journal_of(**PLACE), "-o", *out]) == 1
-    assert written(tmp_path) == {"r.json"}
+    assert main(["report", write_journal(**PLACE), "-o", *out]) == 1
+    assert written_reports(tmp_path) == {"r.json"}
     assert (
         f"sar-journal: {out[0]}: a report as a page or in world coordinates needs" in capsys.readouterr().err
     )
 
 
-def place_in(file):
+def georeference_in(file):
     data = json.loads(file.read_text(encoding="utf-8"))
     return [*data["georeference"].values()]
 
 
-def test_where_the_map_lies_can_be_said_afterwards(journal_of, tmp_path, capsys):
+def test_georeference_can_be_set_by_option(write_journal, tmp_path, capsys):
     out = tmp_path / "r.json", tmp_path / "r.geojson"
-    assert main(["report", journal_of(), "-o", *map(str, out), *OPTION]) == 0
-    assert place_in(out[0]) == [-33.9, 18.4, 0.0]
+    assert main(["report", write_journal(), "-o", *map(str, out), *OPTION]) == 0
+    assert georeference_in(out[0]) == [-33.9, 18.4, 0.0]
     assert out[1].exists()
     assert not capsys.readouterr().err
 
 
-def test_where_the_map_lies_is_as_it_was_said_last_and_that_is_told(journal_of, tmp_path, capsys):
+def test_georeference_option_replaces_that_of_journal_with_note(write_journal, tmp_path, capsys):
     out = tmp_path / "r.json"
-    assert main(["report", journal_of(**PLACE), "-o", str(out), *OPTION]) == 0
-    assert place_in(out) == [-33.9, 18.4, 0.0]
+    assert main(["report", write_journal(**PLACE), "-o", str(out), *OPTION]) == 0
+    assert georeference_in(out) == [-33.9, 18.4, 0.0]
     assert capsys.readouterr().err == (
         "sar-journal: note: --georeference -33.9,18.4,0.0 replaces the journal's 48.2,16.37,90.0\n"
     )
 
 
-def test_what_the_journal_says_as_well_is_no_news(journal_of, tmp_path, capsys):
+def test_georeference_option_equal_to_journal_prints_no_note(write_journal, tmp_path, capsys):
     out = str(tmp_path / "r.json")
-    assert main(["report", journal_of(**PLACE), "-o", out, "--georeference", "48.2,16.37,90"]) == 0
+    assert main(["report", write_journal(**PLACE), "-o", out, "--georeference", "48.2,16.37,90"]) == 0
     assert not capsys.readouterr().err
 
 
@@ -153,19 +153,19 @@ def test_what_the_journal_says_as_well_is_no_news(journal_of, tmp_path, capsys):
         ("here", "'here' is not LAT,LON,HEADING in degrees"),
     ],
 )
-def test_what_is_no_place_on_the_earth_is_wrong_usage(text, words, capsys):
+def test_invalid_georeference_option_is_usage_error(text, words, capsys):
     with pytest.raises(SystemExit) as ended:
         main(["report", "m.journal", "-o", "r.json", f"--georeference={text}"])
     assert ended.value.code == 2
     assert words in capsys.readouterr().err
 
 
-def test_the_help_names_every_form_of_a_report():
+def test_help_names_every_report_form():
     assert re.findall(r"\.\w+", describe_forms()) == [*FORMS]
 
 
 @pytest.mark.parametrize("is_of_journal", [True, False])
-def test_every_form_tells_paths_as_seen_from_the_journal(files, tmp_path, is_of_journal):
+def test_paths_in_reports_are_relative_to_journal(files, tmp_path, is_of_journal):
     place = tmp_path / "m.journal"
     photo = {"file": str(tmp_path / "photos" / "1.jpg")}
     if is_of_journal:

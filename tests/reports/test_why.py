@@ -1,4 +1,4 @@
-"""Why a mission has failed, by hand-made trees that are ticked for real."""
+"""Tests of the causes of a failed mission, with small trees that are really ticked."""
 
 import json
 
@@ -31,9 +31,9 @@ def leaf(name, *statuses):
     return StatusQueue(name, list(statuses), eventually=statuses[-1])
 
 
-def described(node, line=1):
+def tree_outline(node, line=1):
     kind = f"{type(node).__module__}.{type(node).__qualname__}"
-    children = [described(child, line + 1) for child in node.children]
+    children = [tree_outline(child, line + 1) for child in node.children]
     return {
         "class": kind,
         "name": node.name,
@@ -44,8 +44,8 @@ def described(node, line=1):
     }
 
 
-def flown(root, ticks=1, journal=None, told=(), ending=Ending.OVER, **about):
-    """Tick a tree; return the stream of its journal. Facts come after the ticks."""
+def tick_tree(root, ticks=1, journal=None, told=(), ending=Ending.OVER, **about):
+    """Tick a tree; return its journal entries. The events of `told` come after the ticks."""
     journal = journal or Journal()
     stream: list[JournalEntry] = []
     journal.add_listener(stream.append)
@@ -55,7 +55,7 @@ def flown(root, ticks=1, journal=None, told=(), ending=Ending.OVER, **about):
         str(number): node.duration for number, node in enumerate(pre_order(root)) if isinstance(node, Timeout)
     }
     run = {"looks": looks, "constant": constant, "limits": limits}
-    journal.begin({"tree": described(root), **about}, run)
+    journal.begin({"tree": tree_outline(root), **about}, run)
     tree = BehaviourTree(root)
     tree.add_visitor(StatusWatch(root, journal))
     for _ in range(ticks):
@@ -70,13 +70,13 @@ def names(answers):
     return [answer.name for answer in answers]
 
 
-def test_the_chain_goes_from_the_root_to_what_has_failed():
+def test_chain_goes_from_root_to_failed_leaf():
     root = Sequence(
         "root",
         memory=True,
         children=[leaf("one", S), Sequence("inner", memory=True, children=[leaf("two", F)])],
     )
-    reasons = why(flown(root))
+    reasons = why(tick_tree(root))
     assert [(each.name, each.depth, each.place) for each in reasons.chain] == [
         ("root", 0, "m.xml:1"),
         ("inner", 1, "m.xml:2"),
@@ -85,76 +85,76 @@ def test_the_chain_goes_from_the_root_to_what_has_failed():
     assert names(reasons.causes) == ["two"]
 
 
-def test_of_several_ways_all_are_told_and_the_last_one_is_the_first_to_look_at():
-    reasons = why(flown(Selector("root", memory=False, children=[leaf("one", F), leaf("two", F)])))
+def test_all_failed_alternatives_are_causes_and_last_comes_first():
+    reasons = why(tick_tree(Selector("root", memory=False, children=[leaf("one", F), leaf("two", F)])))
     assert names(reasons.chain) == ["root", "one", "two"]
     assert names(reasons.causes) == ["two", "one"]
 
 
-def test_a_condition_only_tells_what_is_so():
-    reasons = why(flown(Selector("root", memory=False, children=[leaf("do", F), leaf("is?", F)])))
+def test_failed_action_is_named_before_failed_condition():
+    reasons = why(tick_tree(Selector("root", memory=False, children=[leaf("do", F), leaf("is?", F)])))
     assert names(reasons.causes) == ["do", "is?"]
 
 
 @pytest.mark.parametrize(
     ("constant", "first"), [([2], "do"), ([], "always"), ([["x"], 2, None], "do"), (2, "always")]
 )
-def test_who_always_fails_is_not_blamed_for_it(constant, first):
-    began, *rest = flown(Selector("root", memory=False, children=[leaf("do", F), leaf("always", F)]))
+def test_leaf_that_always_fails_is_not_first_cause(constant, first):
+    began, *rest = tick_tree(Selector("root", memory=False, children=[leaf("do", F), leaf("always", F)]))
     run = {**began.data["run"], "constant": constant}
     told = [began._replace(data={**began.data, "run": run}), *rest]
     assert names(why(told).causes)[0] == first
 
 
-def test_what_was_passed_over_before_is_not_blamed_first():
+def test_leaf_whose_earlier_failure_was_handled_is_not_first_cause():
     ways = Selector("ways", memory=False, children=[leaf("second", S, F), leaf("never", F)])
     root = Selector("root", memory=False, children=[leaf("never", F), ways])
-    assert names(why(flown(root, 2)).causes)[0] == "second"
+    assert names(why(tick_tree(root, 2)).causes)[0] == "second"
 
 
-def test_under_what_turns_a_status_the_other_one_is_the_cause():
-    assert names(why(flown(Inverter("not", leaf("one", S)))).chain) == ["not", "one"]
+def test_success_below_inverter_is_the_cause():
+    assert names(why(tick_tree(Inverter("not", leaf("one", S)))).chain) == ["not", "one"]
 
 
-def test_a_failure_is_named_before_a_success_that_an_inverter_turns():
+def test_failure_is_named_before_inverted_success():
     ways = [leaf("one", F), Inverter("not", leaf("two", S))]
-    assert names(why(flown(Selector("root", memory=True, children=ways))).causes) == ["one", "two"]
+    assert names(why(tick_tree(Selector("root", memory=True, children=ways))).causes) == ["one", "two"]
 
 
-def test_a_time_limit_is_an_answer_of_its_own():
+def test_expired_time_limit_is_a_cause():
     root = Timeout("limit", leaf("one", R), duration=-1.0)
-    reasons = why(flown(root, 1))
+    reasons = why(tick_tree(root, 1))
     assert names(reasons.causes) == ["limit"]
     assert reasons.likeliest is not None
     assert reasons.likeliest.message == "its time limit of -1 s expired while one ran"
 
 
-def test_what_failed_in_an_earlier_tick_of_the_same_activation_counts():
+def test_failure_in_earlier_tick_of_same_activation_is_in_chain():
     root = Selector("root", memory=True, children=[leaf("one", F), leaf("two", R, R, F)])
-    assert names(why(flown(root, 3)).chain) == ["root", "one", "two"]
+    assert names(why(tick_tree(root, 3)).chain) == ["root", "one", "two"]
 
 
-def test_what_failed_in_an_earlier_activation_does_not_count():
+def test_failure_in_earlier_activation_is_no_cause():
     first, second = leaf("one", S, F), leaf("two", F)
     root = Sequence("root", memory=True, children=[first, second])
-    assert names(why(flown(Inverter("not", Inverter("not not", root)), 2)).causes) == ["one"]
+    assert names(why(tick_tree(Inverter("not", Inverter("not not", root)), 2)).causes) == ["one"]
 
 
-def test_the_last_try_is_the_one_that_counts():
+def test_chain_of_retry_names_its_last_attempt():
     root = Retry("again", leaf("one", F, F, F), num_failures=3)
-    reasons = why(flown(root, 3))
+    reasons = why(tick_tree(root, 3))
     assert names(reasons.chain) == ["again", "one"]
 
 
-def test_of_a_parallel_those_are_told_that_failed():
+def test_chain_of_parallel_names_failed_children():
     from py_trees.common import ParallelPolicy
 
     root = Parallel("root", ParallelPolicy.SuccessOnAll(), children=[leaf("one", S), leaf("two", F)])
-    assert names(why(flown(root)).chain) == ["root", "two"]
+    assert names(why(tick_tree(root)).chain) == ["root", "two"]
 
 
-def test_a_root_that_succeeds_has_no_chain():
-    reasons = why(flown(leaf("one", S)))
+def test_successful_root_has_no_chain():
+    reasons = why(tick_tree(leaf("one", S)))
     assert (reasons.chain, reasons.likeliest, reasons.outcome) == ((), None, "complete")
     assert cause_text(reasons) == "complete: The root has failed."
 
@@ -163,7 +163,12 @@ AT_HOME = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
 
 def mission(update, told):
-    """Return why a mission has failed whose root says so by a condition, after an action that fails and is passed over."""
+    """Return the causes of a failed mission: its root ends with a failed condition, after a failed action was handled.
+
+    Args:
+        update: Records events in the journal when the action is ticked.
+        told: Events after the ticks.
+    """
 
     class Act(StatusQueue):
         def update(self):
@@ -174,17 +179,17 @@ def mission(update, told):
     Search(ZoneManager([{"id": "zone_a", **AT_HOME}], AT_HOME)).use_journal(journal)
     act = Selector("try", memory=False, children=[Act("act", [F], F), leaf("go on", S)])
     root = Sequence("root", memory=True, children=[act, leaf("complete?", F)])
-    return why(flown(root, 1, journal, told))
+    return why(tick_tree(root, 1, journal, told))
 
 
-def test_behind_a_condition_stands_what_has_cost_the_mission_a_zone():
+def test_leaf_that_lost_zone_is_named_before_failed_condition():
     lost = ("zone_abandoned", {"zone": "zone_a", "attempts": 1, "reason": ""})
     reasons = mission(lambda journal: journal.record_event("zone_started", zone="zone_a"), [lost])
     assert names(reasons.chain) == ["root", "complete?"]
     assert names(reasons.causes) == ["act", "complete?"]
 
 
-def test_behind_a_condition_stands_what_has_cost_the_mission_a_report_though_the_zone_is_left_in_the_same_tick():
+def test_leaf_that_lost_report_is_named_even_if_zone_is_left_in_same_tick():
     def report(journal):
         journal.record_event("zone_started", zone="zone_a")
         journal.record_event("zone_searched", zone="zone_a", survivor=(1.0, 2.0))
@@ -193,7 +198,7 @@ def test_behind_a_condition_stands_what_has_cost_the_mission_a_report_though_the
     assert names(mission(report, [("base_reached", {})]).causes) == ["act", "complete?"]
 
 
-def test_what_has_cost_the_mission_nothing_does_not_stand_behind_it():
+def test_failure_without_loss_for_mission_is_no_cause():
     def search(journal):
         journal.record_event("zone_started", zone="zone_a")
         journal.record_event("zone_searched", zone="zone_a", survivor=None)
@@ -202,23 +207,23 @@ def test_what_has_cost_the_mission_nothing_does_not_stand_behind_it():
     assert names(mission(search, [("base_reached", {})]).causes) == ["complete?"]
 
 
-def test_what_had_failed_before_is_told_with_how_often():
+def test_earlier_failures_are_listed_with_count():
     root = Sequence(
         "root", memory=True, children=[Retry("again", leaf("one", F, R, F, S), 5), leaf("two", F)]
     )
-    (before,) = why(flown(root, 4)).before
+    (before,) = why(tick_tree(root, 4)).before
     assert (before.first.name, before.times, before.has_recovered) == ("one", 2, True)
 
 
-def test_a_failure_that_the_root_has_got_over_is_no_cause():
-    reasons = why(flown(leaf("one", F, S), 2))
+def test_failure_that_root_recovered_from_is_no_cause():
+    reasons = why(tick_tree(leaf("one", F, S), 2))
     assert reasons.went_on
     assert "The root failed, and then continued:" in cause_text(reasons)
     assert "Likeliest cause" not in cause_text(reasons._replace(outcome="complete"))
 
 
-def test_the_last_tick_in_which_the_root_had_failed_is_known_though_it_went_on():
-    inquiry = FailureAnalysis.from_stream(flown(leaf("one", F, R, F, S), 4))
+def test_last_failed_tick_of_root_is_known_after_recovery():
+    inquiry = FailureAnalysis.from_stream(tick_tree(leaf("one", F, R, F, S), 4))
     inquiry.find_cause()
     assert inquiry.failed_tick == 3
 
@@ -234,22 +239,22 @@ def test_the_last_tick_in_which_the_root_had_failed_is_known_though_it_went_on()
     ],
     ids=["unknown node", "no tick", "no message", "text", "nothing"],
 )
-def test_entries_of_somebody_else_do_not_count(odd):
-    stream = flown(leaf("one", F))
+def test_malformed_status_entries_are_ignored(odd):
+    stream = tick_tree(leaf("one", F))
     entry = stream[-1]._replace(kind="status", data=odd)
     assert names(why([*stream[:-1], entry, stream[-1]]).chain) == ["one"]
     assert why([stream[0]._replace(data={}), entry]).chain == ()
 
 
-def test_a_reason_with_a_line_break_is_one_line():
+def test_line_break_in_reason_is_escaped():
     (line, *_) = cause_text(
-        why(flown(leaf("one", S)))._replace(said="complete: a\nThe root has failed:")
+        why(tick_tree(leaf("one", S)))._replace(said="complete: a\nThe root has failed:")
     ).splitlines()
     assert line == "complete: a\\nThe root has failed:"
 
 
-def given_up(*ways):
-    """Return why a mission has failed that gives its zone up because each of these ways to search it fails."""
+def causes_of_abandoned_zone(*ways):
+    """Return the causes of a failed mission that abandons its zone because each of these alternatives to search it fails."""
 
     class Abandon(StatusQueue):
         def update(self):
@@ -265,89 +270,89 @@ def given_up(*ways):
     Search(ZoneManager([{"id": "zone_a", **AT_HOME}], AT_HOME)).use_journal(journal)
     search = Selector("search or give up", memory=True, children=[*ways, Abandon("give up", [S], S)])
     steps = [Begin("begin", [S], S), search, leaf("complete?", F)]
-    return why(flown(Sequence("root", memory=True, children=steps), 1, journal))
+    return why(tick_tree(Sequence("root", memory=True, children=steps), 1, journal))
 
 
-def test_a_time_limit_that_was_got_over_is_named_before_what_came_after_it():
-    reasons = given_up(Timeout("limit", leaf("drive", R), duration=0.0), leaf("postpone", F))
+def test_handled_time_limit_is_named_before_later_failure():
+    reasons = causes_of_abandoned_zone(Timeout("limit", leaf("drive", R), duration=0.0), leaf("postpone", F))
     assert names(reasons.causes) == ["limit", "postpone", "complete?"]
     assert reasons.likeliest is not None
     assert reasons.likeliest.message == "its time limit of 0 s expired while drive ran"
     assert [each.first.name for each in reasons.before] == ["limit", "postpone"]
 
 
-def test_a_condition_because_of_which_a_zone_was_given_up_is_named_before_what_came_after_it():
+def test_condition_that_caused_abandoned_zone_is_named_before_later_failure():
     ready = Sequence("search", memory=True, children=[leaf("ready?", F), leaf("drive", R)])
-    assert names(given_up(ready, leaf("postpone", F)).causes)[0] == "ready?"
+    assert names(causes_of_abandoned_zone(ready, leaf("postpone", F)).causes)[0] == "ready?"
 
 
-def test_a_leaf_that_always_fails_is_named_where_no_other_way_had_failed_before():
+def test_leaf_that_always_fails_is_named_if_nothing_failed_before_it():
     search = Sequence("search", memory=True, children=[leaf("always", F), leaf("drive", R)])
-    assert names(given_up(search, leaf("postpone", F)).causes)[0] == "always"
+    assert names(causes_of_abandoned_zone(search, leaf("postpone", F)).causes)[0] == "always"
 
 
-def test_an_action_that_failed_is_named_before_a_condition_that_had_led_there():
+def test_failed_action_is_named_before_condition_that_led_to_it():
     search = Sequence("search", memory=True, children=[leaf("drive", F)])
-    assert names(given_up(leaf("is there?", F), search).causes)[0] == "drive"
+    assert names(causes_of_abandoned_zone(leaf("is there?", F), search).causes)[0] == "drive"
 
 
-def test_a_response_that_is_meant_to_fail_is_not_named_before_the_condition_that_it_was_for():
+def test_response_designed_to_fail_is_named_after_its_condition():
     response = Sequence("go home", memory=True, children=[leaf("home", S), leaf("always", F)])
     well = Selector("well or home", memory=True, children=[leaf("battery?", F), response])
     root = Sequence("root", memory=False, children=[well, leaf("drive", R)])
-    assert names(why(flown(root)).causes) == ["battery?", "always"]
+    assert names(why(tick_tree(root)).causes) == ["battery?", "always"]
 
 
-def ended_late(stream):
-    """Return the entries of a run that has ended long after its last tick."""
+def delay_end(stream):
+    """Return the entries of a run as if it had ended long after its last tick."""
     return [*stream[:-1], stream[-1]._replace(wall=stream[-1].wall + 100.0)]
 
 
-def test_of_a_run_that_its_time_limit_has_ended_the_leaf_is_named_that_ran_for_most_of_it():
-    reasons = why(ended_late(flown(Sequence("root", memory=True, children=[leaf("stuck", R)]), 3)))
+def test_run_ended_by_time_limit_names_longest_running_leaf():
+    reasons = why(delay_end(tick_tree(Sequence("root", memory=True, children=[leaf("stuck", R)]), 3)))
     assert [(each.name, each.status) for each in reasons.causes] == [("stuck", "RUNNING"), ("run", "ENDED")]
 
 
-def test_what_a_leaf_has_run_in_place_of_is_named_before_it():
+def test_failed_condition_is_named_before_leaf_that_ran_instead():
     hold = Selector("free or hold", memory=False, children=[leaf("free?", F), leaf("hold", R)])
-    assert names(why(ended_late(flown(hold, 3))).causes) == ["free?", "hold", "run"]
+    assert names(why(delay_end(tick_tree(hold, 3))).causes) == ["free?", "hold", "run"]
 
 
-def test_of_a_run_that_was_stopped_the_signal_is_named():
-    began, *rest = flown(leaf("drive", R), 2, ending=Ending.STOPPED)
+def test_stopped_run_names_signal():
+    began, *rest = tick_tree(leaf("drive", R), 2, ending=Ending.STOPPED)
     stopped = rest[-1]._replace(data={**rest[-1].data, "status": 130})
     first = why([began, *rest[:-1], stopped]).likeliest
     assert first is not None
     assert (first.name, first.status, first.message) == ("run", "STOPPED", "by SIGINT (Ctrl-C)")
 
 
-def test_of_a_run_that_was_stopped_without_a_signal_the_reason_is_named():
-    began, *rest = flown(leaf("drive", R), 2, ending=Ending.STOPPED)
+def test_run_stopped_without_signal_names_reason():
+    began, *rest = tick_tree(leaf("drive", R), 2, ending=Ending.STOPPED)
     stopped = rest[-1]._replace(data={**rest[-1].data, "status": 1, "reason": "the recording was stopped"})
     first = why([began, *rest[:-1], stopped]).likeliest
     assert first is not None
     assert (first.status, first.message) == ("STOPPED", "the recording was stopped")
 
 
-def test_a_leaf_that_has_raised_is_named_with_what_it_has_raised():
-    stream = flown(leaf("drive", R), 2, ending=Ending.FAILED)
+def test_leaf_that_raised_is_named_with_its_error():
+    stream = tick_tree(leaf("drive", R), 2, ending=Ending.FAILED)
     raised = stream[-1]._replace(kind="leaf_raised", data={"node": 0, "text": "no lens"})
     first = why([*stream[:-1], raised, stream[-1]]).likeliest
     assert first is not None
     assert (first.name, first.status, first.message) == ("drive", "RAISED", "no lens")
 
 
-class TestTheFirstDifference:
-    def test_two_runs_that_came_to_the_same_have_none(self):
+class TestFirstDifference:
+    def test_runs_with_equal_statuses_have_no_difference(self):
         one, two = (
-            flown(Sequence("root", memory=True, children=[leaf("one", R, S)]), ticks) for ticks in (2, 2)
+            tick_tree(Sequence("root", memory=True, children=[leaf("one", R, S)]), ticks) for ticks in (2, 2)
         )
         assert first_difference(one, two) is None
         assert "had the same statuses" in difference_text(None, ("a", "b"))
 
-    def test_it_is_where_a_node_came_to_something_else(self):
+    def test_difference_is_first_differing_status(self):
         good, bad = (
-            flown(Sequence("root", memory=True, children=[leaf("one", S), leaf("two", status)]))
+            tick_tree(Sequence("root", memory=True, children=[leaf("one", S), leaf("two", status)]))
             for status in (S, F)
         )
         difference = first_difference(bad, good)
@@ -359,45 +364,45 @@ class TestTheFirstDifference:
             "SUCCESS",
         )
 
-    def test_a_run_that_ended_earlier_has_nothing_more(self):
-        short, long = (flown(leaf("one", R, S), ticks) for ticks in (1, 2))
+    def test_shorter_run_has_no_further_change(self):
+        short, long = (tick_tree(leaf("one", R, S), ticks) for ticks in (1, 2))
         difference = first_difference(short, long)
         assert difference is not None and difference.there  # noqa: PT018
         assert (difference.here, difference.there.status) == (None, "SUCCESS")
         assert "no further change, because the run had ended" in difference_text(difference, ("a", "b"))
 
 
-class TestTheCommand:
+class TestWhyCommand:
     @pytest.fixture
     def places(self, tmp_path):
-        """The journals of a run that failed, and of one that did not."""
+        """Return the journals of a failed and of a successful run."""
         made = []
         for status in (F, S):
             journal = open_journal(tmp_path / f"{status.value}.journal")
-            flown(Sequence("root", memory=True, children=[leaf("Drive\x1b[2J", status)]), 1, journal)
+            tick_tree(Sequence("root", memory=True, children=[leaf("Drive\x1b[2J", status)]), 1, journal)
             journal.close()
             made.append(str(tmp_path / f"{status.value}.journal"))
         return made
 
-    def test_it_tells_people(self, places, capsys):
+    def test_text_output_names_likeliest_cause(self, places, capsys):
         assert main(["why", places[0]]) == 0
         shown = capsys.readouterr().out
         assert shown.startswith("FAILED: The root has failed.\n\nLikeliest cause:\n")
         assert r"Drive\x1b[2J FAILURE" in shown
         assert "(m.xml:2)" in shown
 
-    def test_it_tells_scripts(self, places, capsys):
+    def test_json_output_has_chain_and_difference(self, places, capsys):
         assert main(["why", places[0], "--against", places[1], "--format", "json"]) == 0
         data = json.loads(capsys.readouterr().out)
         assert [each["name"] for each in data["chain"]] == ["root", "Drive\x1b[2J"]
         assert (data["difference"]["alike"], data["difference"]["there"]["status"]) == (0, "SUCCESS")
 
-    def test_it_compares_two_runs(self, places, capsys):
+    def test_text_output_compares_two_runs(self, places, capsys):
         assert main(["why", places[0], "--against", places[1]]) == 0
         assert "The runs differ after 0 equal status changes:" in capsys.readouterr().out
 
     @pytest.mark.parametrize("has_begun", [False, True])
-    def test_a_journal_in_which_nothing_has_happened_is_no_failure(self, has_begun, tmp_path, capsys):
+    def test_journal_without_status_entries_is_no_failure(self, has_begun, tmp_path, capsys):
         file = JournalFile.create(tmp_path / "m.journal")
         if has_begun:
             file.begin_run({}, {}, 0.0)

@@ -1,4 +1,4 @@
-"""Trees in which one leaf fails from some moment on: it is the first to be named."""
+"""Tests that the failure analysis names the faulty leaf first, on random trees with one leaf that starts to fail."""
 
 import pytest
 
@@ -10,7 +10,7 @@ pytestmark = pytest.mark.unmeasured
 FAULTS, NAMED_FIRST = 100, 95
 
 
-def test_of_a_hundred_faults_the_leaf_that_was_faulty_is_named_first_in_95(tmp_path):
+def test_faulty_leaf_is_named_first_for_95_of_100_faults(tmp_path):
     named = []
     for (faulty, stream, _), _ in zip(injected(tmp_path / "tree.xml"), range(FAULTS), strict=False):
         reasons = FailureAnalysis.from_stream(stream).find_cause()
