@@ -128,7 +128,7 @@ TESTED_BY = {
             "test_a_time_that_is_none_is_refused",
         ),
         "For damaged files and for escape sequences": ("test_every_promise_names_its_tests",),
-        "Numbers in parameter files": ("test_a_number_that_is_not_finite", "test_a_mistake_in_a_world_file_is_found_where_it_stands"),
+        "Numbers in parameter files": ("test_number_must_be_finite", "test_a_mistake_in_a_world_file_is_found_where_it_stands"),
         "Positions in worlds and maps": ("test_a_mistake_in_a_world_file_is_found_where_it_stands",),
         "A node responds with a survivor": (
             "test_a_survivor_where_nobody_can_be_is_no_answer", "test_a_survivor_beyond_the_map_is_no_answer",
@@ -137,11 +137,11 @@ TESTED_BY = {
         "A node reports a survivor without a position": ("test_does_not_acknowledge_a_report_at_no_position",),
         "A node sends an error text": ("test_any_end_of_a_drive_is_a_line", "test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log"),
         "A node claims, on `ACTION/_mission`": (
-            "test_one_that_runs_goes_before_one_that_begins_whoever_is_older",
-            "test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way",
+            "test_running_mission_takes_precedence_over_older_starting_mission",
+            "test_younger_of_two_running_missions_gives_way",
         ),
         "A node responds to another goal": (
-            "test_what_is_answered_to_a_question_that_was_given_up_is_ignored", "test_the_late_answer_of_an_old_call_is_ignored",
+            "test_result_of_abandoned_query_is_ignored", "test_the_late_answer_of_an_old_call_is_ignored",
         ),
         "A node sends `sar-run --serve` a goal": (
             "test_a_client_starts_trees_by_their_names_one_after_the_other", "test_a_payload_that_is_none_is_refused",
@@ -205,13 +205,13 @@ TESTED_BY = {
             "test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled",
             "test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_not",
         ),
-        "While a mission drives with": ("test_who_only_looks_claims_nothing_and_sees_all", "test_of_two_that_begin_at_once_the_younger_gives_way"),
+        "While a mission drives with": ("test_observer_claims_nothing_and_sees_running_mission", "test_younger_of_two_starting_missions_gives_way"),
         "The tree defines the reaction": ("test_the_mission_behind_failsafes_is_proved_like_the_mission_alone",),
         "`verify` proves this reaction": ("test_the_mission_behind_failsafes_is_proved_like_the_mission_alone",),
         "`config/fastdds_profile.xml` shortens": (
             "test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed",
         ),
-        "Other missions watch this topic": ("test_who_only_looks_claims_nothing_and_sees_all", "test_of_two_that_begin_at_once_the_younger_gives_way"),
+        "Other missions watch this topic": ("test_observer_claims_nothing_and_sees_running_mission", "test_younger_of_two_starting_missions_gives_way"),
         "Then another process must resume": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
         "The other participants also drop": ("test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process",),
     },

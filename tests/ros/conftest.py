@@ -1,4 +1,4 @@
-"""Contexts, nodes and executors, and spinning until something has happened."""
+"""Fixtures with ROS contexts, nodes, and executors that spin until a condition holds."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -45,7 +45,7 @@ class Ros:
             self.executor.spin_once(timeout_sec=0.02)
 
     def spin_for(self, duration_sec: float) -> None:
-        """Let time pass, for what must not happen meanwhile; what is ready by then is done, however late this process is."""
+        """Spin for a time in which something must not happen, then run every callback that is ready, even if this process is late."""
         deadline = time.monotonic() + duration_sec
         while (left := deadline - time.monotonic()) > 0:
             self.executor.spin_once(timeout_sec=left)
@@ -62,7 +62,7 @@ class Ros:
 
 @pytest.fixture
 def make_ros() -> Iterator[Callable[..., Ros]]:
-    """Make further contexts, such as one with arguments."""
+    """Return a function that makes further contexts, such as one with arguments."""
     stages: list[Ros] = []
 
     def make(args: list[str] | None = None) -> Ros:
@@ -80,7 +80,7 @@ def ros(make_ros: Callable[..., Ros]) -> Ros:
 
 
 class Said:
-    """The lines that were logged, by level; stderr holds them all."""
+    """The lines that were logged, from stdout and stderr."""
 
     def __init__(self, capfd: pytest.CaptureFixture[str]) -> None:
         self._capfd = capfd

@@ -1,4 +1,4 @@
-"""Questions to an action's server that moves nothing, over real DDS."""
+"""Tests of queries to an action server that moves nothing, over real DDS."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -27,8 +27,8 @@ def stage(ros: "Ros") -> "Iterator[Stage]":
     stage.close()
 
 
-class Asked:
-    """Questions to the stage's server, and its answers; the action stands for one that moves nothing."""
+class QueryProbe:
+    """Queries to the stage's server and their results; the action stands for one that moves nothing."""
 
     def __init__(self, stage: "Stage") -> None:
         self.questions = ActionQueries(stage.node, TYPE, "navigate_to_pose")
@@ -40,108 +40,108 @@ class Asked:
         self.questions.send_goal(goal, lambda *answer: self.answers.append(answer))
 
 
-def asked(stage: "Stage", *script: str) -> "tuple[Asked, NavServer]":
-    """Return who asks, and the server, which is found."""
+def connect_probe(stage: "Stage", *script: str) -> "tuple[QueryProbe, NavServer]":
+    """Return a probe that is connected to a server, and the server."""
     server = stage.nav_server()
     server.script = list(script)
-    asked = Asked(stage)
-    stage.until(lambda: asked.questions.is_ready, "the server")
-    return asked, server
+    probe = QueryProbe(stage)
+    stage.until(lambda: probe.questions.is_ready, "the server")
+    return probe, server
 
 
-def test_the_result_is_what_is_answered(stage: "Stage") -> None:
-    who, server = asked(stage, "succeed")
-    who.ask(1.5)
-    stage.until(lambda: who.answers, "the answer")
-    assert who.answers == [(SUCCEEDED, who.questions.interface.Result())]
+def test_query_returns_status_and_result(stage: "Stage") -> None:
+    probe, server = connect_probe(stage, "succeed")
+    probe.ask(1.5)
+    stage.until(lambda: probe.answers, "the answer")
+    assert probe.answers == [(SUCCEEDED, probe.questions.interface.Result())]
     assert [goal.pose[1] for goal in server.goals] == [1.5]
 
 
-def test_a_server_that_aborts_says_why(stage: "Stage") -> None:
-    who, server = asked(stage, "abort")
+def test_aborted_query_returns_error_code(stage: "Stage") -> None:
+    probe, server = connect_probe(stage, "abort")
     server.error_code = 208
-    who.ask(1.5)
-    stage.until(lambda: who.answers, "the end")
-    assert who.answers == [(ABORTED, who.questions.interface.Result(error_code=208))]
+    probe.ask(1.5)
+    stage.until(lambda: probe.answers, "the end")
+    assert probe.answers == [(ABORTED, probe.questions.interface.Result(error_code=208))]
 
 
-def test_a_server_that_rejects_has_no_answer(stage: "Stage") -> None:
-    who, server = asked(stage)
+def test_rejected_query_returns_unknown_status_and_empty_result(stage: "Stage") -> None:
+    probe, server = connect_probe(stage)
     server.accept = False
-    who.ask(1.5)
-    stage.until(lambda: who.answers, "the rejection")
-    assert who.answers == [(UNKNOWN, who.questions.interface.Result())]
+    probe.ask(1.5)
+    stage.until(lambda: probe.answers, "the rejection")
+    assert probe.answers == [(UNKNOWN, probe.questions.interface.Result())]
     assert server.goals == []
 
 
-def test_what_is_answered_to_a_question_that_was_given_up_is_ignored(stage: "Stage") -> None:
-    who, server = asked(stage)
-    who.ask(1.5)
+def test_result_of_abandoned_query_is_ignored(stage: "Stage") -> None:
+    probe, server = connect_probe(stage)
+    probe.ask(1.5)
     stage.until(lambda: server.goals, "the goal")
-    who.questions.give_up()
-    assert not who.questions._results._pending_requests
+    probe.questions.give_up()
+    assert not probe.questions._results._pending_requests
     server.order("succeed")
     server.wait_for_end()
     server.script = ["abort"]
-    who.ask(2.5)
-    stage.until(lambda: who.answers, "the answer to the next one")
-    assert [status for status, _ in who.answers] == [ABORTED]
+    probe.ask(2.5)
+    stage.until(lambda: probe.answers, "the answer to the next one")
+    assert [status for status, _ in probe.answers] == [ABORTED]
 
 
-def test_the_next_question_gives_up_the_one_before(stage: "Stage") -> None:
-    who, server = asked(stage)
+def test_next_query_abandons_previous_one(stage: "Stage") -> None:
+    probe, server = connect_probe(stage)
     held = server.hold()
-    who.ask(1.5)
+    probe.ask(1.5)
     server.script = ["succeed"]
-    who.ask(2.5)
-    stage.until(lambda: who.answers, "the answer")
+    probe.ask(2.5)
+    stage.until(lambda: probe.answers, "the answer")
     held.set()
     stage.until(lambda: len(server.goals) == 2, "the goal that was given up")
-    assert len(who.answers) == 1
+    assert len(probe.answers) == 1
 
 
-def test_a_question_is_no_goal_under_way(stage: "Stage") -> None:
-    who, server = asked(stage)
+def test_query_is_not_an_active_goal(stage: "Stage") -> None:
+    probe, server = connect_probe(stage)
     goals, news = active_goals_of(stage.node), list[Any]()
     goals.add_listener(news.append)
-    who.ask(1.5)
+    probe.ask(1.5)
     stage.until(lambda: server.goals, "the goal")
     assert (len(goals), goals.may_be_active, news) == (0, False, [])
     server.order("succeed")
-    stage.until(lambda: who.answers, "the answer")
+    stage.until(lambda: probe.answers, "the answer")
     assert news == []
 
 
-def test_the_graph_says_whether_there_is_a_server(stage: "Stage") -> None:
-    who = Asked(stage)
-    assert not who.questions.has_server
+def test_graph_shows_whether_server_exists(stage: "Stage") -> None:
+    probe = QueryProbe(stage)
+    assert not probe.questions.has_server
     host = stage.host()
     stage.nav_server_on(host)
-    stage.until(lambda: who.questions.has_server, "the server")
+    stage.until(lambda: probe.questions.has_server, "the server")
     host.close()
-    stage.until(lambda: not who.questions.has_server, "the end of the server")
-    assert not who.questions.is_ready
+    stage.until(lambda: not probe.questions.has_server, "the end of the server")
+    assert not probe.questions.is_ready
 
 
-def test_its_clients_are_gone_when_it_is_released(stage: "Stage") -> None:
+def test_release_destroys_clients(stage: "Stage") -> None:
     before = len(list(stage.node.clients))
-    who, server = asked(stage)
-    who.ask(1.5)
+    probe, server = connect_probe(stage)
+    probe.ask(1.5)
     stage.until(lambda: server.goals, "the goal")
-    who.questions.release()
+    probe.questions.release()
     assert len(list(stage.node.clients)) == before
 
 
-def test_it_can_be_released_after_the_end_of_its_node(stage: "Stage") -> None:
-    who, server = asked(stage)
-    who.ask(1.5)
+def test_release_works_after_node_is_destroyed(stage: "Stage") -> None:
+    probe, server = connect_probe(stage)
+    probe.ask(1.5)
     stage.until(lambda: server.goals, "the goal")
     stage.renew_node()
-    assert (who.questions.has_server, who.questions.is_ready) == (False, False)
-    who.questions.release()
-    assert who.answers == []
+    assert (probe.questions.has_server, probe.questions.is_ready) == (False, False)
+    probe.questions.release()
+    assert probe.answers == []
 
 
-def test_a_type_that_is_not_installed_is_named(stage: "Stage") -> None:
+def test_missing_action_type_is_named(stage: "Stage") -> None:
     with pytest.raises(LeafDefinitionError, match="there is no nav2_msgs/action/NavigateToPost"):
         ActionQueries(stage.node, "nav2_msgs/action/NavigateToPost", "navigate_to_pose")

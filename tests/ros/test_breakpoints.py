@@ -1,4 +1,4 @@
-"""A tree that waits at a breakpoint within a tick, while its node continues."""
+"""Tests of breakpoints: the tree waits within a tick while its node continues."""
 
 import pytest
 
@@ -19,7 +19,7 @@ __all__ = ["make_ros", "ros"]
 
 @pytest.fixture
 def run(ros, tmp_path):
-    """Return the runner of a sequence of two leaves, its breakpoints, and what they log."""
+    """Return the runner of a sequence of two leaves, its breakpoints, and their log."""
     path = tmp_path / "tree.xml"
     write(
         path,
@@ -36,7 +36,7 @@ def run(ros, tmp_path):
     runner.shutdown()
 
 
-def test_the_node_continues_while_the_tree_is_held_and_resuming_wakes_the_tree(run, ros):
+def test_node_continues_while_tree_is_paused_and_resume_wakes_tree(run, ros):
     runner, breakpoints, log = run
     one = runner.root.children[0]
     breakpoints.add(one)
@@ -56,7 +56,7 @@ def test_the_node_continues_while_the_tree_is_held_and_resuming_wakes_the_tree(r
     ]
 
 
-def test_a_breakpoint_holds_every_tick_that_reaches_its_node(run):
+def test_breakpoint_pauses_every_tick_that_reaches_its_node(run):
     runner, breakpoints, _ = run
     breakpoints.add(runner.root.children[0])
     for count in (1, 2):
@@ -67,7 +67,7 @@ def test_a_breakpoint_holds_every_tick_that_reaches_its_node(run):
         assert runner.count == count
 
 
-def test_a_breakpoint_holds_nothing_once_nobody_looks(run, ros):
+def test_abandoned_breakpoint_releases_tree_until_next_keep_alive(run, ros):
     runner, breakpoints, _ = run
     breakpoints.add(runner.root.children[0])
     runner.tick_tock(period_ms=1e7)
@@ -82,7 +82,7 @@ def test_a_breakpoint_holds_nothing_once_nobody_looks(run, ros):
     ros.spin_until(lambda: breakpoints.held_at is not None, "the breakpoint, again")
 
 
-def test_a_tree_that_is_held_can_be_stopped(run):
+def test_paused_tree_can_be_stopped(run):
     runner, breakpoints, _ = run
     runner.tick()
     breakpoints.add(runner.root.children[0])

@@ -1,4 +1,4 @@
-"""Ticking with py_trees_ros: its class by its published interface, as it cannot be installed from PyPI."""
+"""Tests of the py_trees_ros engine on a stand-in with the published interface: py_trees_ros is not on PyPI."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ INSTALLED = importlib.util.find_spec("py_trees_ros") is not None
 
 
 class Probe(py_trees.behaviour.Behaviour):
-    """Runs until it is stopped, unless `on_update` says otherwise."""
+    """Runs until it is stopped, unless `on_update` returns another status."""
 
     def __init__(self, on_update: Callable[[], Status] = lambda: Status.RUNNING) -> None:
         super().__init__("Probe")
@@ -48,7 +48,7 @@ class Probe(py_trees.behaviour.Behaviour):
 
 @pytest.fixture
 def engine_class(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """The engine on the class by its published interface."""
+    """The engine on the stand-in class."""
     monkeypatch.syspath_prepend(str(STAND_INS))
     modules = ("py_trees_ros", "py_trees_ros.trees", "sar_compiler.ros.py_trees_ros_engine")
     for name in modules:
@@ -71,7 +71,7 @@ def engine_of(engine_class: Any, ros: Ros) -> Callable[..., Any]:
 
 
 @pytest.mark.skipif(INSTALLED, reason="py_trees_ros is installed here")
-def test_where_it_is_not_installed_the_message_says_where_to_get_it() -> None:
+def test_missing_py_trees_ros_is_reported_with_package() -> None:
     from sar_compiler.ros.engine import EngineError
     from sar_compiler.ros.engines import find_engine
 
@@ -80,7 +80,7 @@ def test_where_it_is_not_installed_the_message_says_where_to_get_it() -> None:
 
 
 @pytest.mark.skipif(not INSTALLED, reason="py_trees_ros is not installed here")
-def test_the_installed_class_has_the_interface_that_these_tests_assume(engine_class: Any) -> None:
+def test_installed_class_has_interface_of_stand_in(engine_class: Any) -> None:
     assumed = engine_class.__mro__[1]
     for name in ("py_trees_ros", "py_trees_ros.trees"):
         sys.modules.pop(name)
@@ -92,21 +92,21 @@ def test_the_installed_class_has_the_interface_that_these_tests_assume(engine_cl
         assert list(real) == list(ours)
 
 
-def test_the_timer_of_the_node_ticks_the_tree(engine_of: Callable[..., Any], ros: Ros) -> None:
+def test_node_timer_ticks_tree(engine_of: Callable[..., Any], ros: Ros) -> None:
     engine = engine_of(Probe())
     engine.tick_tock(10.0)
     ros.spin_until(lambda: engine.count >= 3, "three ticks")
     engine.shutdown()
 
 
-def test_the_leaves_are_given_the_node(engine_of: Callable[..., Any]) -> None:
+def test_leaves_receive_node(engine_of: Callable[..., Any]) -> None:
     probe = Probe()
     engine = engine_of(probe)
     assert probe.given == {"node": engine.node}
     engine.shutdown()
 
 
-def test_parameters_of_the_class_that_were_given_count(engine_of: Callable[..., Any]) -> None:
+def test_parameter_overrides_take_effect(engine_of: Callable[..., Any]) -> None:
     from rclpy.parameter import Parameter
 
     engine = engine_of(
@@ -118,7 +118,7 @@ def test_parameters_of_the_class_that_were_given_count(engine_of: Callable[..., 
     engine.shutdown()
 
 
-def test_a_leaf_that_raises_stops_the_tree_and_is_kept(engine_of: Callable[..., Any], ros: Ros) -> None:
+def test_leaf_exception_stops_tree_and_is_stored(engine_of: Callable[..., Any], ros: Ros) -> None:
     def fail() -> Status:
         message = "the arm fell off"
         raise ValueError(message)
@@ -134,9 +134,7 @@ def test_a_leaf_that_raises_stops_the_tree_and_is_kept(engine_of: Callable[..., 
     engine.shutdown()
 
 
-def test_an_update_that_returns_no_status_stops_the_tree(
-    engine_of: Callable[..., Any], ros: Ros, said: Said
-) -> None:
+def test_update_without_status_stops_tree(engine_of: Callable[..., Any], ros: Ros, said: Said) -> None:
     probe = Probe(lambda: None)  # type: ignore[arg-type, return-value]
     engine = engine_of(probe)
     engine.tick_tock(10.0)
@@ -146,9 +144,7 @@ def test_an_update_that_returns_no_status_stops_the_tree(
     engine.shutdown()
 
 
-def test_a_setup_that_raises_is_named_and_what_was_set_up_before_it_is_shut_down_once(
-    engine_class: Any, ros: Ros
-) -> None:
+def test_failing_setup_is_named_and_earlier_leaves_are_shut_down_once(engine_class: Any, ros: Ros) -> None:
     from sar_compiler.ros.engine import SetupFailedError
 
     class Unready(Probe):
@@ -168,7 +164,7 @@ def test_a_setup_that_raises_is_named_and_what_was_set_up_before_it_is_shut_down
     assert (untouched.shutdowns, unready.shutdowns) == (0, 0)
 
 
-def test_a_leaf_that_cannot_be_shut_down_does_not_keep_the_others_from_it(
+def test_failing_shutdown_does_not_prevent_shutdown_of_other_leaves(
     engine_of: Callable[..., Any], said: Said
 ) -> None:
     class Stubborn(Probe):
@@ -183,7 +179,7 @@ def test_a_leaf_that_cannot_be_shut_down_does_not_keep_the_others_from_it(
     assert said.has("'Probe' could not be shut down: ValueError: the arm fell off")
 
 
-def test_settling_stops_the_tree_from_its_root(engine_of: Callable[..., Any], ros: Ros) -> None:
+def test_settle_stops_tree_from_root(engine_of: Callable[..., Any], ros: Ros) -> None:
     probe = Probe()
     engine = engine_of(probe)
     engine.tick_tock(10.0)
@@ -196,7 +192,7 @@ def test_settling_stops_the_tree_from_its_root(engine_of: Callable[..., Any], ro
     engine.shutdown()
 
 
-def test_a_tree_that_is_too_deep_is_refused_before_its_leaves_are_set_up(engine_class: Any, ros: Ros) -> None:
+def test_too_deep_tree_is_rejected_in_setup(engine_class: Any, ros: Ros) -> None:
     from sar_compiler.ros.engine import TreeTooDeepError
 
     root: py_trees.behaviour.Behaviour = Probe()

@@ -1,4 +1,4 @@
-"""Which executor runs a mission's callbacks, and what takes its place where it cannot."""
+"""Tests of the choice of the executor that runs a mission's callbacks."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -11,8 +11,8 @@ from tests.waiting import SILENCE_SEC
 pytestmark = pytest.mark.ros
 
 
-class Served:
-    """A node with an executor of events."""
+class ServedNode:
+    """A node with an events executor."""
 
     def __init__(self) -> None:
         from rclpy.context import Context
@@ -23,12 +23,12 @@ class Served:
         pytest.importorskip("rclpy.experimental", reason="an rclpy without EventsExecutor")
         self.context = Context()
         self.context.init(initialize_logging=False)
-        self.node = Node("served", context=self.context)
+        self.node = Node("served_node", context=self.context)
         self.executor: Any = make_executor(self.context, "events")
         self.executor.add_node(self.node)
 
-    def suit(self) -> str:
-        """Have what suits the node take the executor's place; return its class."""
+    def select_executor(self) -> str:
+        """Replace the executor if another one is needed for the node; return its class name."""
         from sar_compiler.ros.executors import suitable_executor
 
         self.executor = suitable_executor(self.executor, self.node)
@@ -42,53 +42,53 @@ class Served:
 
 
 @pytest.fixture
-def served() -> Iterator[Served]:
-    made = Served()
+def served_node() -> Iterator[ServedNode]:
+    made = ServedNode()
     yield made
     made.executor.shutdown()
     made.node.destroy_node()
     made.context.try_shutdown()
 
 
-def test_a_node_with_what_any_node_has_keeps_its_executor_of_events(served: Served) -> None:
+def test_node_with_ordinary_entities_keeps_events_executor(served_node: ServedNode) -> None:
     from std_srvs.srv import Trigger
 
-    served.node.create_service(Trigger, "plain", lambda _, response: response)
-    served.node.create_timer(1.0, lambda: None)
-    assert served.suit() == "EventsExecutor"
+    served_node.node.create_service(Trigger, "plain", lambda _, response: response)
+    served_node.node.create_timer(1.0, lambda: None)
+    assert served_node.select_executor() == "EventsExecutor"
 
 
-def test_a_guard_condition_is_heeded_by_an_executor_with_a_wait_set(served: Served) -> None:
+def test_guard_condition_selects_executor_with_wait_set(served_node: ServedNode) -> None:
     heard: list[bool] = []
-    guard = served.node.create_guard_condition(lambda: heard.append(True))
-    assert served.suit() == "SingleThreadedExecutor"
+    guard = served_node.node.create_guard_condition(lambda: heard.append(True))
+    assert served_node.select_executor() == "SingleThreadedExecutor"
     guard.trigger()
-    served.spin_until(lambda: heard, "the guard")
-    assert served.node.executor is served.executor
+    served_node.spin_until(lambda: heard, "the guard")
+    assert served_node.node.executor is served_node.executor
 
 
-def test_a_service_with_a_coroutine_answers(served: Served) -> None:
+def test_service_with_coroutine_responds(served_node: ServedNode) -> None:
     from std_srvs.srv import Trigger
 
     async def answer(_: Any, response: Any) -> Any:
         response.message = "later"
         return response
 
-    served.node.create_service(Trigger, "slow", answer)
-    assert served.suit() == "SingleThreadedExecutor"
-    client = served.node.create_client(Trigger, "slow")
-    served.spin_until(client.service_is_ready, "the service")
+    served_node.node.create_service(Trigger, "slow", answer)
+    assert served_node.select_executor() == "SingleThreadedExecutor"
+    client = served_node.node.create_client(Trigger, "slow")
+    served_node.spin_until(client.service_is_ready, "the service")
     called = client.call_async(Trigger.Request())
-    served.spin_until(called.done, "the answer")
+    served_node.spin_until(called.done, "the answer")
     assert called.result().message == "later"
 
 
-def test_an_executor_with_a_wait_set_stays_whatever_there_is(served: Served) -> None:
+def test_executor_with_wait_set_is_kept(served_node: ServedNode) -> None:
     from sar_compiler.ros.executors import make_executor
 
-    served.executor.shutdown()
-    served.executor = wanted = make_executor(served.context, "single-threaded")
-    served.executor.add_node(served.node)
-    served.node.create_guard_condition(lambda: None)
-    assert served.suit() == "SingleThreadedExecutor"
-    assert served.executor is wanted
+    served_node.executor.shutdown()
+    served_node.executor = wanted = make_executor(served_node.context, "single-threaded")
+    served_node.executor.add_node(served_node.node)
+    served_node.node.create_guard_condition(lambda: None)
+    assert served_node.select_executor() == "SingleThreadedExecutor"
+    assert served_node.executor is wanted

@@ -1,4 +1,4 @@
-"""Transforms in a row and backwards; what a node hears of them, `test_leaves_by_attributes` tests."""
+"""Tests of composed and inverse transforms; `test_leaves_by_attributes` tests how a node receives them."""
 
 import math
 
@@ -19,29 +19,27 @@ def transforms(draw: st.DrawFn) -> Transform:
     return Transform(draw(SMALL), draw(SMALL), draw(SMALL), *parts)
 
 
-def same(one: Transform, other: Transform) -> bool:
-    """Return whether two transforms are the same; both signs of a quaternion are one turn."""
+def is_equivalent(one: Transform, other: Transform) -> bool:
+    """Return whether two transforms are equal; both signs of a quaternion are one rotation."""
     flipped = Transform(*other[:3], *(-each for each in other[3:]))
     return any(one == pytest.approx(each, abs=1e-6) for each in (other, flipped))
 
 
 @given(transforms())
-def test_a_transform_and_its_inverse_lead_back(transform: Transform) -> None:
-    assert same(transform.inverse.compose(transform), Transform())
-    assert same(transform.compose(transform.inverse), Transform())
+def test_transform_composed_with_inverse_is_identity(transform: Transform) -> None:
+    assert is_equivalent(transform.inverse.compose(transform), Transform())
+    assert is_equivalent(transform.compose(transform.inverse), Transform())
 
 
 @given(transforms(), transforms(), transforms())
-def test_transforms_in_a_row_may_be_put_together_from_either_end(
-    a: Transform, b: Transform, c: Transform
-) -> None:
-    assert same(a.compose(b).compose(c), a.compose(b.compose(c)))
+def test_composition_is_associative(a: Transform, b: Transform, c: Transform) -> None:
+    assert is_equivalent(a.compose(b).compose(c), a.compose(b.compose(c)))
 
 
 @pytest.mark.parametrize(
     ("axis", "turned"), [((1, 0, 0), (1, -3, 2)), ((0, 1, 0), (3, 2, -1)), ((0, 0, 1), (-2, 1, 3))]
 )
-def test_a_quarter_turn_is_by_the_right_hand(axis: tuple[int, ...], turned: tuple[int, ...]) -> None:
+def test_quarter_turn_follows_right_hand_rule(axis: tuple[int, ...], turned: tuple[int, ...]) -> None:
     half = math.sqrt(0.5)
     qx, qy, qz = (half * each for each in axis)
     quarter = Transform(10, 20, 30, qx, qy, qz, half)

@@ -1,4 +1,4 @@
-"""What the ROS graph shows for a name, over real DDS: every case of a name, a type, a quality of service or a source that is wrong."""
+"""Tests of ROS graph queries, over real DDS: wrong names, types, qualities of service and sources."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BATTERY = "sensor_msgs/msg/BatteryState"
 
 
 class Robots:
-    """One context for all tests of the module, in which each test has nodes of its own."""
+    """The nodes of one test, in the context that all tests of the module share."""
 
     def __init__(self, ros: Ros) -> None:
         self._ros = ros
@@ -41,7 +41,7 @@ class Robots:
         return node
 
     def serve(self, node: Any, *names: str) -> None:
-        """Serve `amcl` and other lifecycle nodes, services of detection, and what starts with `navigate` as actions."""
+        """Serve lifecycle nodes such as `amcl`, detection services, and actions for names with `navigate`."""
         from lifecycle_msgs.srv import GetState
         from nav2_msgs.action import NavigateToPose
         from rclpy.action import ActionServer
@@ -95,8 +95,8 @@ class Robots:
     def until(self, condition: Any, what: str) -> None:
         self._ros.spin_until(condition, what)
 
-    def lines(self, ready: Readiness, *expected: str) -> None:
-        """Spin until exactly these lines are missing."""
+    def expect_missing(self, ready: Readiness, *expected: str) -> None:
+        """Spin until exactly these lines are reported as missing."""
         last: list[str] = []
 
         def same() -> bool:
@@ -118,7 +118,7 @@ class Robots:
 
 
 def transform_bytes(parent: str, *children: str) -> bytes:
-    """Return transforms as they come."""
+    """Return serialized transforms."""
     from geometry_msgs.msg import TransformStamped
     from rclpy.serialization import serialize_message
     from tf2_msgs.msg import TFMessage
@@ -170,7 +170,7 @@ def robots(context: Ros) -> Iterator[Robots]:
 
 
 class Case(NamedTuple):
-    """A name that is wanted, what is there, and what is said."""
+    """A wanted endpoint, the name that exists, and the expected message."""
 
     wanted: Endpoint
     there: str
@@ -178,7 +178,7 @@ class Case(NamedTuple):
     mission: str = "/mission"
 
 
-FIVE = " ".join(
+ACTION_REMAPPINGS = " ".join(
     f"-r navigate_to_pose/_action/{part}:=/tb1/navigate_to_pose/_action/{part}"
     for part in ("send_goal", "cancel_goal", "get_result", "feedback", "status")
 )
@@ -201,10 +201,10 @@ NAMES = {
         DETECTOR, "/find/detect_people", ", but there is /find/detect_people: run with `--ros-args -r detect_survivor:=/find/detect_people`"),
     "an action, in another namespace": Case(
         Endpoint("action", "navigate_to_pose", NAVIGATE, attribute="action"), "/tb1/navigate_to_pose",
-        f', but there is /tb1/navigate_to_pose: write action="/tb1/navigate_to_pose" in the tree, or run with `--ros-args {FIVE}`'),
+        f', but there is /tb1/navigate_to_pose: write action="/tb1/navigate_to_pose" in the tree, or run with `--ros-args {ACTION_REMAPPINGS}`'),
     "an action that has no attribute for its name": Case(
         Endpoint("action", "navigate_to_pose", NAVIGATE), "/tb1/navigate_to_pose",
-        f", but there is /tb1/navigate_to_pose: run with `--ros-args {FIVE}`"),
+        f", but there is /tb1/navigate_to_pose: run with `--ros-args {ACTION_REMAPPINGS}`"),
     "a lifecycle node": Case(
         Endpoint("node", "amcl"), "/tb1/amcl", ", but there is /tb1/amcl: run with `--ros-args -r amcl/get_state:=/tb1/amcl/get_state`"),
     "a topic with a leading slash": Case(
@@ -218,7 +218,7 @@ NAMES = {
 
 
 @pytest.mark.parametrize("case", NAMES.values(), ids=NAMES)
-def test_a_name_that_is_not_there_is_explained_by_the_nearest_one(robots: Robots, case: Case) -> None:
+def test_missing_name_is_explained_by_nearest_one(robots: Robots, case: Case) -> None:
     node = robots.node("/other")
     if case.wanted.kind == "topic":
         robots.publish(node, case.there, BATTERY)
@@ -237,7 +237,7 @@ def test_a_name_that_is_not_there_is_explained_by_the_nearest_one(robots: Robots
         (Endpoint("node", "bt_navigator"), "/amcl"),
     ],
 )
-def test_what_is_of_another_type_or_has_nothing_in_common_is_not_offered(
+def test_name_of_other_type_or_without_similarity_is_not_suggested(
     robots: Robots, wanted: Endpoint, there: str
 ) -> None:
     robots.serve(robots.node("/other"), there, "/last")
@@ -246,7 +246,7 @@ def test_what_is_of_another_type_or_has_nothing_in_common_is_not_offered(
     assert graph.query(wanted).explanation == ""
 
 
-def test_what_the_mission_itself_has_is_not_offered_to_it(robots: Robots) -> None:
+def test_own_endpoints_are_not_suggested(robots: Robots) -> None:
     mission = robots.node("/mission")
     robots.serve(mission, "/tb1/detect_survivor")
     robots.publish(mission, "/tb1/battery_state", BATTERY)
@@ -255,7 +255,7 @@ def test_what_the_mission_itself_has_is_not_offered_to_it(robots: Robots) -> Non
     assert [graph.query(each).elsewhere for each in (DETECTOR, BATTERIES)] == [(), ()]
 
 
-SHARED = (
+SHARED_TRANSFORMS = (
     "transforms from 'map' may belong to another robot, because /tf is also published by /tb2/amcl. Give each robot its own transforms "
     "(`-r __ns:=/robot1 -r /tf:=tf -r /tf_static:=tf_static`)"
 )
@@ -285,11 +285,11 @@ class TestNamespaces:
 
     USES = (Use.nav2(), Use.action("navigate_to_pose"))
 
-    def test_with_everything_in_a_namespace_it_is_named_and_no_pose_is_advised(self, robots: Robots) -> None:
-        """The robot's transforms are on `/tf`, which says where a robot is, and not which one."""
+    def test_namespace_of_all_endpoints_is_suggested_without_initial_pose(self, robots: Robots) -> None:
+        """Transforms on `/tf` do not show to which robot they belong."""
         self.stack(robots, "/tb1", topic="/tf")
         mission = robots.node("/mission")
-        robots.lines(
+        robots.expect_missing(
             self.ready(mission, *self.USES),
             NO_POSE,
             "node amcl: missing (no service /amcl/get_state), but there is /tb1/amcl",
@@ -298,14 +298,14 @@ class TestNamespaces:
             "run with `--ros-args -r __ns:=/tb1`",
         )
 
-    def test_transforms_in_the_namespace_are_remapped_with_it(self, robots: Robots) -> None:
+    def test_transforms_in_namespace_are_remapped_with_it(self, robots: Robots) -> None:
         self.stack(robots, "/tb1")
         graph = robots.graph()
         wanted = [Endpoint("node", "amcl"), Endpoint("action", "navigate_to_pose", NAVIGATE)]
         said = "run with `--ros-args -r __ns:=/tb1 -r /tf:=tf -r /tf_static:=tf_static`"
         robots.until(lambda: graph.advice(wanted) == said, said)
 
-    def test_what_is_there_already_is_remapped_out_of_the_namespace(self, robots: Robots) -> None:
+    def test_existing_endpoint_is_remapped_out_of_suggested_namespace(self, robots: Robots) -> None:
         self.stack(robots, "/tb1", topic="/tf")
         robots.serve(robots.node("/detector"), "/detect_survivor")
         graph = robots.graph()
@@ -313,33 +313,31 @@ class TestNamespaces:
         said = "run with `--ros-args -r __ns:=/tb1 -r detect_survivor:=/detect_survivor`"
         robots.until(lambda: graph.advice(wanted) == said, said)
 
-    def test_one_name_elsewhere_is_remapped_alone(self, robots: Robots) -> None:
+    def test_single_name_elsewhere_is_remapped_alone(self, robots: Robots) -> None:
         node = robots.node("/other")
         robots.serve(node, "/tb1/detect_survivor")
         robots.publish(node, "/battery_state", BATTERY)
         uses = (Use.service("detect_survivor"), Use.topic("battery_state"))
-        robots.lines(
+        robots.expect_missing(
             self.ready(robots.node("/mission"), *uses),
             "service detect_survivor: no server, but there is /tb1/detect_survivor",
             "run with `--ros-args -r detect_survivor:=/tb1/detect_survivor`",
         )
 
-    def test_the_only_name_that_is_wanted_is_remapped_and_nothing_else_is_moved(self, robots: Robots) -> None:
+    def test_only_wanted_name_is_remapped_without_namespace(self, robots: Robots) -> None:
         robots.serve(robots.node("/other"), "/tb1/detect_survivor")
         graph = robots.graph()
         said = "run with `--ros-args -r detect_survivor:=/tb1/detect_survivor`"
         robots.until(lambda: graph.advice([DETECTOR]) == said, said)
 
-    def test_transforms_of_another_robot_alone_are_not_offered_to_one_that_hears_its_own(
-        self, robots: Robots
-    ) -> None:
+    def test_transforms_of_other_robot_are_not_suggested_beside_own_transforms(self, robots: Robots) -> None:
         robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"))
         robots.send_transforms(robots.node("/tb2/ekf"), ("odom", "base_link"), topic="/tb2/tf")
         graph = robots.graph()
         robots.until(lambda: graph.publishers("/tf") and graph.publishers("/tb2/tf"), "both robots")
         assert (graph.transforms(), graph.explain_missing_transforms()) == ("", "")
 
-    def test_of_two_robots_both_namespaces_are_named(self, robots: Robots) -> None:
+    def test_namespaces_of_two_robots_are_named(self, robots: Robots) -> None:
         for space in ("/tb1", "/tb2"):
             self.stack(robots, space, topic="/tf")
         graph = robots.graph()
@@ -347,7 +345,7 @@ class TestNamespaces:
         said = "run with `--ros-args -r __ns:=/tb1`, or use /tb2 instead of /tb1"
         robots.until(lambda: graph.advice(wanted) == said, said)
 
-    def test_a_mission_in_a_namespace_that_should_be_in_none_is_told_so(self, robots: Robots) -> None:
+    def test_global_namespace_is_suggested_to_mission_in_namespace(self, robots: Robots) -> None:
         self.stack(robots, "")
         graph = robots.graph("/tb1/mission")
         wanted = [Endpoint("node", "amcl"), Endpoint("action", "navigate_to_pose", NAVIGATE)]
@@ -355,20 +353,20 @@ class TestNamespaces:
         robots.until(lambda: graph.advice(wanted) == said, said)
 
     @pytest.mark.parametrize("is_company", [False, True], ids=["alone", "beside another robot"])
-    def test_a_mission_in_a_namespace_that_does_not_remap_the_transforms_does_not_start(
+    def test_mission_in_namespace_without_remapped_transforms_does_not_start(
         self, robots: Robots, *, is_company: bool
     ) -> None:
         self.stack(robots, "/tb1")
         if is_company:
             robots.send_transforms(robots.node("/tb2/amcl"), ("map", "tb2/odom"))
         ready = self.ready(robots.node("/tb1/mission"), *self.USES, pose=False)
-        robots.lines(
+        robots.expect_missing(
             ready,
             "transforms: published on /tb1/tf by /tb1/amcl, but this node subscribes to /tf. Run with "
             "`--ros-args -r /tf:=tf -r /tf_static:=tf_static`",
         )
 
-    def test_a_mission_that_remaps_transforms_which_are_global_is_told_so(self, robots: Robots) -> None:
+    def test_remapping_of_global_transforms_is_reported(self, robots: Robots) -> None:
         self.stack(robots, "/tb1", topic="/tf")
         arguments = ["--ros-args", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
         graph = robots.graph("/tb1/mission", cli_args=arguments)
@@ -378,7 +376,7 @@ class TestNamespaces:
         )
         robots.until(lambda: graph.transforms() == said, said)
 
-    def test_a_mission_that_listens_where_its_robot_publishes_is_told_nothing(self, robots: Robots) -> None:
+    def test_subscription_to_own_transforms_has_no_problem(self, robots: Robots) -> None:
         self.stack(robots, "/tb1")
         self.stack(robots, "/tb2")
         arguments = ["--ros-args", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
@@ -386,9 +384,7 @@ class TestNamespaces:
         robots.until(lambda: graph.publishers("/tf") and graph.publishers("/tb2/tf"), "both robots")
         assert (graph.transforms(), graph.foreign_localisation_problem()) == ("", "")
 
-    def test_two_robots_on_one_topic_of_transforms_are_named_and_no_pose_is_told_or_advised(
-        self, robots: Robots
-    ) -> None:
+    def test_two_robots_on_same_transform_topic_are_named_and_no_pose_is_sent(self, robots: Robots) -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
 
         from sar_compiler.ros.frame_sources import frame_sources
@@ -406,7 +402,7 @@ class TestNamespaces:
         ready = self.ready(mission, *self.USES)
         robots.until(lambda: len(mission.get_publishers_info_by_topic("/tf")) == 2, "both publishers")
         robots.until(frame_sources(mission).conflict, "the conflict")
-        robots.lines(
+        robots.expect_missing(
             ready,
             NO_POSE,
             conflict,
@@ -416,11 +412,11 @@ class TestNamespaces:
     @pytest.mark.parametrize(
         ("child", "advice"),
         [
-            ("odom", SHARED),
+            ("odom", SHARED_TRANSFORMS),
             ("tb2/odom", ""),
         ],
     )  # fmt: skip
-    def test_a_robot_without_a_pose_is_not_given_that_of_another_robot_on_its_transforms(
+    def test_initial_pose_is_not_sent_if_transforms_may_belong_to_other_robot(
         self, robots: Robots, child: str, advice: str
     ) -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -449,14 +445,14 @@ class TestNamespaces:
         robot, ready = robot_estimate(mission), self.ready(mission, Use.nav2())
         robots.until(lambda: robot.odometry and robot.transform_at, "odometry and transforms")
         if advice:
-            robots.lines(ready, NO_POSE, advice)
+            robots.expect_missing(ready, NO_POSE, advice)
             assert told == []
         else:
             robots.until(lambda: ready.poll_all() and told, "the pose")
             ready.close()
         assert "2D Pose Estimate" not in str(ready.poll_all())
 
-    def test_transforms_of_another_robot_do_not_stand_for_those_of_this_one(self, robots: Robots) -> None:
+    def test_transforms_of_other_robot_do_not_update_transform_time(self, robots: Robots) -> None:
         from sar_compiler.ros.robot_estimate import robot_estimate
 
         robot = robot_estimate(robots.node("/mission"))
@@ -478,7 +474,7 @@ class TestNamespaces:
             ("/odometry/filtered", ODOMETRY, "topic odometry/filtered: published by /tb1/amcl and /tb2/amcl. Stop all of these nodes but one"),
         ],
     )  # fmt: skip
-    def test_nobody_is_asked_for_a_pose_while_two_robots_say_where_they_are(
+    def test_two_localisation_sources_are_named(
         self, robots: Robots, topic: str, type_name: str, said: str
     ) -> None:
         for space in ("/tb1", "/tb2"):
@@ -487,7 +483,7 @@ class TestNamespaces:
         robots.until(lambda: graph.foreign_localisation_problem() == said, said)
 
 
-BOTH = (
+TWO_MISMATCHES = (
     "best effort publisher and reliable subscription, volatile publisher and transient local subscription). "
     'Write qos="sensor_data"'
 )
@@ -505,12 +501,12 @@ class TestQualityOfService:
         ),
         (
             {"reliability": "best_effort"}, "transient_local",
-            BOTH,
+            TWO_MISMATCHES,
         ),
     )  # fmt: skip
 
     @pytest.mark.parametrize(("offered", "wanted", "said"), CASES)
-    def test_a_publisher_whose_messages_do_not_arrive_is_named_with_what_to_write(
+    def test_incompatible_publisher_is_named_with_remedy(
         self, robots: Robots, offered: dict[str, str], wanted: str, said: str
     ) -> None:
         from sar_compiler.ros.leaves.leaf import qos_profile
@@ -521,7 +517,7 @@ class TestQualityOfService:
         line = f"topic battery_state: no message of /tb1/driver arrives ({said}"
         robots.until(lambda: graph.query(endpoint).line == line, line)
 
-    def test_a_deadline_that_the_publisher_does_not_promise_is_named(self, robots: Robots) -> None:
+    def test_deadline_shorter_than_publisher_deadline_is_named(self, robots: Robots) -> None:
         robots.publish(robots.node("/driver"), "/battery_state", BATTERY, deadline_sec=3.0)
         graph = robots.graph()
         strict, loose = (qos_of(deadline_sec=seconds) for seconds in (1.0, 5.0))
@@ -530,7 +526,7 @@ class TestQualityOfService:
         assert "subscription deadline is less than publisher deadline" in graph.query(endpoint).problem
         assert graph.query(Endpoint("topic", "battery_state", BATTERY, (loose,))).problem == ""
 
-    def test_one_publisher_that_is_heard_is_enough(self, robots: Robots) -> None:
+    def test_one_compatible_publisher_is_sufficient(self, robots: Robots) -> None:
         robots.publish(robots.node("/one"), "/battery_state", BATTERY, reliability="best_effort")
         robots.publish(robots.node("/two"), "/battery_state", BATTERY)
         graph = robots.graph()
@@ -552,9 +548,7 @@ class TestQualityOfService:
             ({}, ""),
         ],
     )
-    def test_a_service_whose_requests_or_answers_do_not_arrive_is_named(
-        self, robots: Robots, qos: dict[str, Any], said: str
-    ) -> None:
+    def test_incompatible_service_is_named(self, robots: Robots, qos: dict[str, Any], said: str) -> None:
         from sar_interfaces.srv import DetectSurvivor
 
         server = robots.node("/detector")
@@ -570,7 +564,7 @@ class TestQualityOfService:
         robots.until(lambda: graph.query(DETECTOR).nodes == ("/detector",), "the service")
         robots.until(lambda: graph.query(DETECTOR).line == line, str(line))
 
-    def test_all_nodes_in_sight_are_counted_by_their_names(self, robots: Robots) -> None:
+    def test_visible_nodes_are_counted_by_name(self, robots: Robots) -> None:
         graph = robots.graph()
         for name in ("/tb1/amcl", "/tb1/amcl", "/tb2/amcl"):
             robots.node(name)
@@ -579,7 +573,7 @@ class TestQualityOfService:
             "the nodes",
         )
 
-    def test_a_check_of_a_tree_does_not_pass_over_it(self, robots: Robots) -> None:
+    def test_readiness_check_reports_incompatible_publisher(self, robots: Robots) -> None:
         from sar_compiler.ros.graph_queries import declared_endpoints
         from sar_compiler.ros.leaves.attribute_leaves import RosTopic
         from sar_compiler.ros.readiness import Readiness
@@ -592,7 +586,7 @@ class TestQualityOfService:
             initial_pose=None,
             endpoints=declared_endpoints(leaf),
         )
-        robots.lines(
+        robots.expect_missing(
             ready,
             "topic battery_state: no message of /driver arrives (best effort publisher and reliable subscription). "
             'Write qos="sensor_data"',
@@ -608,7 +602,7 @@ class TestSources:
             ("news", "std_msgs/msg/String", False),
         ],
     )
-    def test_several_sources_are_named_where_one_is_meant(
+    def test_several_publishers_are_reported_for_single_source_topics(
         self, robots: Robots, topic: str, type_name: str, *, is_told: bool
     ) -> None:
         for name in ("/one", "/two"):
@@ -618,9 +612,7 @@ class TestSources:
         said = f"topic {topic}: published by /one and /two. Stop all of these nodes but one"
         assert graph.publisher_conflict(topic) == (said if is_told else "")
 
-    def test_a_run_is_warned_of_them_and_of_odometry_under_another_name(
-        self, robots: Robots, said: Said
-    ) -> None:
+    def test_run_warns_of_several_publishers_and_renamed_odometry(self, robots: Robots, said: Said) -> None:
         from sar_compiler.ros.readiness import Readiness
 
         for name in ("/one", "/two"):
@@ -637,7 +629,7 @@ class TestSources:
         odometry = "topic odometry/filtered: no publisher, but there is /odom: run with `--ros-args -r odometry/filtered:=/odom`."
         assert any(odometry in line for line in lines)
 
-    def test_a_source_that_has_joined_a_run_is_reported_once(self, robots: Robots, said: Said) -> None:
+    def test_source_that_joins_during_run_is_reported_once(self, robots: Robots, said: Said) -> None:
         from sar_compiler.ros.dependency_monitor import DependencyMonitor
 
         mission = robots.node("/mission")
@@ -684,7 +676,7 @@ class TestClock:
             ),
         ],
     )  # fmt: skip
-    def test_simulated_time_that_does_not_come_or_comes_twice_is_explained(
+    def test_missing_or_duplicate_clock_is_explained(
         self, robots: Robots, nodes: tuple[str, ...], topic: str, said: str
     ) -> None:
         for node in nodes:
@@ -692,7 +684,7 @@ class TestClock:
         graph = robots.graph(**self.simulated())
         robots.until(lambda: graph.clock() == said, said)
 
-    def test_two_clocks_keep_a_mission_from_starting_although_time_has_come(self, robots: Robots) -> None:
+    def test_two_clocks_prevent_start_although_time_has_arrived(self, robots: Robots) -> None:
         from sar_compiler.ros.readiness import Readiness
 
         for node in ("/bag", "/gazebo"):
@@ -705,13 +697,13 @@ class TestClock:
             "topic /clock has 2 publishers (nodes /bag and /gazebo), so the time jumps between their clocks. Stop all publishers but one"
         ]
 
-    def test_one_clock_that_is_used_is_told_of_nowhere(self, robots: Robots) -> None:
+    def test_single_used_clock_is_not_reported(self, robots: Robots) -> None:
         self.clock(robots, "/gazebo", seconds=5)
         graph = robots.graph(**self.simulated())
         robots.until(lambda: graph.publishers("/clock") and graph.clock() == "", "the time")
         assert (graph.unused_clock_problem(), graph.is_clock_contested) == ("", False)
 
-    def test_a_clock_that_the_mission_does_not_use_is_told(self, robots: Robots, said: Said) -> None:
+    def test_unused_clock_is_reported(self, robots: Robots, said: Said) -> None:
         from sar_compiler.ros.readiness import Readiness
 
         self.clock(robots, "/gazebo", seconds=5)
@@ -725,8 +717,8 @@ class TestClock:
 
 
 class TestFrames:
-    def where(self, robots: Robots, target: str, source: str, full_name: str = "/mission") -> Any:
-        """Return a function that looks up a frame in another one as a leaf does."""
+    def make_lookup(self, robots: Robots, target: str, source: str, full_name: str = "/mission") -> Any:
+        """Return a function that looks up a frame in another one, as a leaf does."""
         from sar_compiler.ros.frames import frame_tree
 
         frames = frame_tree(robots.node(full_name))
@@ -743,22 +735,20 @@ class TestFrames:
             ),
         ],
     )  # fmt: skip
-    def test_a_frame_that_is_missing_is_told_with_those_that_came(
+    def test_missing_frame_is_reported_with_known_frames(
         self, robots: Robots, wanted: str, link: tuple[str, str], said: str
     ) -> None:
         robots.send_transforms(robots.node("/ekf"), link)
-        look = self.where(robots, "odom", wanted)
+        look = self.make_lookup(robots, "odom", wanted)
         robots.until(lambda: look() == said, said)
 
-    def test_of_many_frames_eight_are_named(self, robots: Robots) -> None:
+    def test_eight_of_many_frames_are_named(self, robots: Robots) -> None:
         links = [("map", f"survivor_{number}") for number in range(1, 30)]
         robots.send_transforms(robots.node("/ekf"), *links)
-        look = self.where(robots, "map", "zebra")
+        look = self.make_lookup(robots, "map", "zebra")
         robots.until(lambda: "survivor_15 and others" in str(look()).replace("'", ""), "some frames")
 
-    def test_a_tree_that_looks_up_a_frame_waits_for_transforms_of_one_source_each(
-        self, robots: Robots
-    ) -> None:
+    def test_use_of_transforms_waits_for_one_source_of_each_frame(self, robots: Robots) -> None:
         from sar_compiler.ros.readiness import Readiness
 
         ready = Readiness(robots.node("/mission"), [Use.transforms()], initial_pose=None)
@@ -770,38 +760,36 @@ class TestFrames:
             robots.send_transforms(node, ("map", "odom"))
         robots.until(lambda: "frame 'odom' has two sources" in str(ready.poll_all()), "the conflict")
 
-    def test_where_none_comes_it_is_told_where_they_are(self, robots: Robots) -> None:
+    def test_topic_of_missing_transforms_is_named(self, robots: Robots) -> None:
         robots.send_transforms(robots.node("/tb1/ekf"), ("map", "odom"), topic="/tb1/tf")
-        look = self.where(robots, "map", "odom", "/tb1/mission")
+        look = self.make_lookup(robots, "map", "odom", "/tb1/mission")
         said = (
             "no transform of 'map' and 'odom' has arrived: transforms: published on /tb1/tf by /tb1/ekf, but this node subscribes "
             "to /tf. Run with `--ros-args -r /tf:=tf -r /tf_static:=tf_static`"
         )
         robots.until(lambda: look() == said, said)
 
-    def test_a_frame_of_two_sources_is_nowhere_and_both_are_named(self, robots: Robots) -> None:
+    def test_frame_with_two_sources_is_rejected_and_both_are_named(self, robots: Robots) -> None:
         for name, x in (("/tb1/amcl", 1.0), ("/tb2/amcl", 9.0)):
             robots.send_transforms(robots.node(name), ("map", "odom"), x=x)
-        look = self.where(robots, "map", "odom")
+        look = self.make_lookup(robots, "map", "odom")
         said = "frame 'odom' has two sources on /tf, /tb1/amcl and /tb2/amcl. Stop one"
         robots.until(lambda: str(look()).startswith(said), said)
 
-    def test_of_three_publishers_of_transforms_it_is_said_that_two_are_the_sources(
-        self, robots: Robots
-    ) -> None:
+    def test_two_sources_among_three_publishers_are_reported(self, robots: Robots) -> None:
         for name, x in (("/tb1/amcl", 1.0), ("/tb2/amcl", 9.0)):
             robots.send_transforms(robots.node(name), ("map", "odom"), x=x)
         robots.send_transforms(robots.node("/arm"), ("base_link", "arm"))
-        look = self.where(robots, "map", "odom")
+        look = self.make_lookup(robots, "map", "odom")
         said = "frame 'odom' has two sources on /tf, among its 3 publishers /arm, /tb1/amcl and /tb2/amcl. Stop one"
         robots.until(lambda: str(look()).startswith(said), said)
 
-    def test_nodes_that_publish_other_frames_each_are_no_conflict(self, robots: Robots) -> None:
+    def test_publishers_of_different_frames_do_not_conflict(self, robots: Robots) -> None:
         from sar_compiler.ros.frames import frame_tree
 
         robots.send_transforms(robots.node("/amcl"), ("map", "odom"))
         robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"))
-        look = self.where(robots, "map", "base_link")
+        look = self.make_lookup(robots, "map", "base_link")
         robots.until(lambda: not isinstance(look(), str), "the transforms")
         heard = frame_tree(robots.nodes[-1])
         messages: list[bool] = []
@@ -812,14 +800,14 @@ class TestFrames:
     @pytest.mark.parametrize(
         ("numbers", "now", "contested"),
         [
-            ((1, 2, 3, 1, 2, 3), 3.0, []),  # started anew
+            ((1, 2, 3, 1, 2, 3), 3.0, []),  # restarted
             ((1, 1, 2, 2), 2.0, ["odom"]),
             ((7, 900, 8, 901, 9), 2.5, ["odom"]),
             ((7, 900, 8, 901, 9), 3.0, ["odom"]),
-            ((7, 900, 8, 901, 9, 10, 11), 3.5, []),  # the other one has gone
+            ((7, 900, 8, 901, 9, 10, 11), 3.5, []),  # the other one has ended
         ],
     )
-    def test_publishers_that_take_turns_are_told_from_one_by_the_numbers_of_their_messages(
+    def test_alternating_publishers_are_detected_by_sequence_numbers(
         self, numbers: tuple[int, ...], now: float, contested: list[str]
     ) -> None:
         from sar_compiler.ros.frame_sources import PublisherAlternation
@@ -829,29 +817,27 @@ class TestFrames:
             turns.add(["odom", f"wheel_{at}"], number, at / 2)
         assert turns.contested_frames(now) == contested
 
-    def test_a_static_frame_that_moves_is_nowhere_and_both_nodes_are_named(self, robots: Robots) -> None:
+    def test_static_and_moving_frame_is_rejected_and_both_nodes_are_named(self, robots: Robots) -> None:
         robots.send_transforms(robots.node("/urdf"), ("odom", "base_link"), topic="/tf_static", static=True)
         robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"), x=5.0)
-        look = self.where(robots, "odom", "base_link")
+        look = self.make_lookup(robots, "odom", "base_link")
         said = "frame 'base_link' is published as static (/tf_static, by /urdf) and as moving (/tf, by /ekf). Stop one of these nodes"
         robots.until(lambda: look() == said, said)
 
-    def test_a_static_frame_that_moves_no_more_is_found(self, robots: Robots, context: Ros) -> None:
+    def test_static_frame_is_found_after_moving_source_ends(self, robots: Robots, context: Ros) -> None:
         robots.send_transforms(robots.node("/urdf"), ("odom", "base_link"), topic="/tf_static", static=True)
         robots.send_transforms(robots.node("/amcl"), ("map", "odom"))
         robots.send_transforms(robots.node("/ekf"), ("odom", "base_link"), x=5.0)
-        look = self.where(robots, "odom", "base_link")
+        look = self.make_lookup(robots, "odom", "base_link")
         said = "frame 'base_link' is published as static"
         robots.until(lambda: str(look()).startswith(said), said)
         context.remove(robots.nodes.pop(2))
         robots.until(lambda: not isinstance(look(), str), "the frame")
 
-    def test_a_static_source_that_was_started_anew_with_another_value_is_one_source(
-        self, robots: Robots, context: Ros
-    ) -> None:
+    def test_restarted_static_source_with_new_value_is_one_source(self, robots: Robots, context: Ros) -> None:
         from sar_compiler.ros.frame_sources import frame_sources
 
-        look = self.where(robots, "map", "dock")
+        look = self.make_lookup(robots, "map", "dock")
         sources = frame_sources(robots.nodes[0])
 
         def is_heard(x: float) -> bool:
@@ -869,18 +855,16 @@ class TestFrames:
                 context.remove(robots.nodes.pop())
                 robots.until(lambda: not ros_graph(robots.nodes[0]).publishers("/tf_static"), "its end")
 
-    def test_two_static_sources_that_differ_are_named_until_one_is_gone(
-        self, robots: Robots, context: Ros
-    ) -> None:
+    def test_differing_static_sources_are_named_until_one_ends(self, robots: Robots, context: Ros) -> None:
         for name, x in (("/one", 1.0), ("/two", 2.0)):
             robots.send_transforms(robots.node(name), ("map", "dock"), topic="/tf_static", static=True, x=x)
-        look = self.where(robots, "map", "dock")
+        look = self.make_lookup(robots, "map", "dock")
         said = "frame 'dock' has two sources on /tf_static, /one and /two. Stop one"
         robots.until(lambda: str(look()).startswith(said), said)
         context.remove(robots.nodes.pop(0))
         robots.until(lambda: not isinstance(look(), str), "a frame of one source")
 
-    def test_a_message_as_it_came_is_read_for_its_frames(self) -> None:
+    def test_child_frames_are_read_from_serialized_message(self) -> None:
         from sar_compiler.ros.frame_sources import child_frames
 
         children = ["odom", "a", "base_link", "", "camera/é"]
@@ -897,9 +881,7 @@ class TestWatch:
 
         return DependencyMonitor(node, [Use.nav2()])
 
-    def test_a_second_robot_on_the_transforms_is_reported_with_both_nodes(
-        self, robots: Robots, said: Said
-    ) -> None:
+    def test_second_robot_on_transforms_is_reported_with_both_nodes(self, robots: Robots, said: Said) -> None:
         watch = self.watch(robots.node("/mission"))
         robots.send_transforms(robots.node("/amcl"), ("map", "odom"))
         robots.until(lambda: ros_graph(robots.nodes[0]).publishers("/tf"), "the transforms")
@@ -910,14 +892,14 @@ class TestWatch:
             lambda: said.has("frame 'odom' has two sources on /tf, /amcl and /tb2/amcl"), "the report"
         )
 
-    def test_a_second_clock_is_reported(self, robots: Robots, said: Said) -> None:
+    def test_second_clock_is_reported(self, robots: Robots, said: Said) -> None:
         watch = self.watch(robots.node("/mission", **TestClock.simulated()))
         for name in ("/bag", "/gazebo"):
             robots.publish(robots.node(name), "/clock", "rosgraph_msgs/msg/Clock")
         robots.until(lambda: said.has("topic /clock has 2 publishers (nodes /bag and /gazebo)"), "the report")
         watch.poll()
 
-    def test_a_localisation_of_another_robot_is_not_given_the_pose_of_this_one(
+    def test_pose_is_not_sent_to_localisation_of_other_robot(
         self, robots: Robots, said: Said, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -948,7 +930,7 @@ class TestWatch:
 
 
 class TestLeaves:
-    def test_a_latched_message_does_not_grow_old(self) -> None:
+    def test_latched_message_does_not_expire_by_default(self) -> None:
         from sar_compiler.ros.leaves.attribute_leaves import RosTopic
 
         ages = [
@@ -957,14 +939,14 @@ class TestLeaves:
         ]  # fmt: skip
         assert ages == [None, 2.0, 5.0, 7.0]
 
-    def test_a_leaf_without_a_message_says_what_the_graph_shows(self, robots: Robots) -> None:
+    def test_leaf_without_message_reports_graph_findings(self, robots: Robots) -> None:
         from sar_compiler.ros.leaves.attribute_leaves import RosTopic
 
         mission = robots.node("/mission")
         leaf = RosTopic("Battery", Input("battery_state"), BATTERY, qos="reliable")
         leaf.setup(node=mission)
 
-        def says(text: str) -> None:
+        def expect_message(text: str) -> None:
             def ticked() -> bool:
                 leaf.tick_once()
                 return leaf.feedback_message == f"no message on 'battery_state'{text}"
@@ -974,16 +956,16 @@ class TestLeaves:
             except AssertionError:
                 pytest.fail(f"{leaf.feedback_message!r}, not {text!r}")
 
-        says(", because no node publishes it")
+        expect_message(", because no node publishes it")
         driver = robots.node("/tb1/driver")
         robots.publish(driver, "battery_state", BATTERY)
-        says(', but there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
+        expect_message(', but there is /tb1/battery_state: write topic="/tb1/battery_state" in the tree, or run with '
              "`--ros-args -r battery_state:=/tb1/battery_state`")  # fmt: skip
         robots.publish(driver, "/battery_state", BATTERY, reliability="best_effort")
-        says(": no message of /tb1/driver arrives (best effort publisher and reliable subscription). "
+        expect_message(": no message of /tb1/driver arrives (best effort publisher and reliable subscription). "
              'Write qos="sensor_data"')  # fmt: skip
         robots.publish(driver, "/battery_state", BATTERY)
-        says("")
+        expect_message("")
         leaf.shutdown()
 
     @pytest.mark.parametrize(
@@ -997,7 +979,7 @@ class TestLeaves:
              'Write qos="transient_local"')),
         ],
     )  # fmt: skip
-    def test_a_leaf_that_publishes_says_why_nothing_hears_it(
+    def test_missing_subscriber_is_explained(
         self, robots: Robots, topic: str, qos: dict[str, Any], said: str
     ) -> None:
         from sensor_msgs.msg import BatteryState
@@ -1008,7 +990,7 @@ class TestLeaves:
         asked = Endpoint("listeners", "/battery_state", BATTERY, (qos_of(),), "topic")
         robots.until(lambda: explain_endpoint(mission, asked) == said, said)
 
-    def test_a_leaf_without_a_server_says_where_one_is(self, robots: Robots) -> None:
+    def test_leaf_without_server_names_similar_server(self, robots: Robots) -> None:
         from sar_compiler.ros.leaves.attribute_leaves import RosService
 
         mission = robots.node("/mission")
@@ -1027,7 +1009,7 @@ class TestLeaves:
         leaf.shutdown()
 
 
-def test_names_are_listed_in_words() -> None:
+def test_names_are_joined_with_commas_and_and() -> None:
     assert [join_names(names) for names in (["a"], ["a", "b"], ["a", "b", "c"])] == [
         "a",
         "a and b",

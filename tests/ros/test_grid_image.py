@@ -1,4 +1,4 @@
-"""A map message is an image that everybody reads."""
+"""Tests of converting map messages to images."""
 
 import io
 from array import array
@@ -26,7 +26,7 @@ def pixels(drawn):
     return image.size, list(image.tobytes())
 
 
-def test_the_highest_row_is_on_top_and_occupied_cells_are_black():
+def test_highest_row_is_on_top_and_occupied_cells_are_black():
     from sar_compiler.ros.robot_observer import grid_image
 
     drawn = grid_image(grid(3, 2, [0, 50, 100, -1, 0, 0]))
@@ -35,14 +35,14 @@ def test_the_highest_row_is_on_top_and_occupied_cells_are_black():
     assert pixels(drawn) == ((3, 2), [205, 254, 254, 254, 127, 0])
 
 
-def test_a_map_without_the_cells_that_it_says_is_none():
+def test_map_with_missing_cells_or_zero_size_has_no_image():
     from sar_compiler.ros.robot_observer import grid_image
 
     assert grid_image(grid(3, 2, [0] * 5)) is None
     assert grid_image(grid(0, 0, [])) is None
 
 
-def test_of_a_huge_map_every_second_cell_is_drawn():
+def test_huge_map_is_drawn_with_every_second_cell():
     from sar_compiler.ros.robot_observer import grid_image
 
     drawn = grid_image(grid(5001, 1000, [0] * 5_001_000))
@@ -52,7 +52,7 @@ def test_of_a_huge_map_every_second_cell_is_drawn():
 
 
 @pytest.mark.parametrize(("width", "height"), [(5_000_000, 1), (1, 5_000_000)])
-def test_a_huge_map_of_one_row_stays_one(width, height):
+def test_huge_map_with_one_row_or_column_keeps_it(width, height):
     from sar_compiler.ros.robot_observer import grid_image
 
     drawn = grid_image(grid(width, height, [0] * 5_000_000))

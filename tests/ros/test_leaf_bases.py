@@ -1,4 +1,4 @@
-"""Leaves derived from the bases, against servers and publishers that do what a test tells them."""
+"""Tests of leaves derived from the base classes, against scripted servers and publishers."""
 
 import subprocess
 import sys
@@ -70,7 +70,7 @@ class DriveWithNav2(DriveTo):
 
 
 class DriveAlone(DriveTo):
-    """Drive while nobody drives through several poses."""
+    """Drive while no goal through several poses is active."""
 
     rivals = ("navigate_to_pose", "navigate_through_poses")
 
@@ -92,17 +92,17 @@ def driver(stage: "Stage", cls: type[DriveTo] = DriveTo, **attributes: Any) -> D
     return stage.take(leaf)
 
 
-def under_way(stage: "Stage", leaf: DriveTo, server: "NavServer", goals: int = 1) -> None:
+def wait_for_goals(stage: "Stage", leaf: DriveTo, server: "NavServer", goals: int = 1) -> None:
     wakes = stage.wakes
     stage.tick_until(leaf, lambda: stage.wakes > wakes and len(server.goals) == goals, f"goal {goals}")
 
 
-def driven_to(server: "NavServer") -> list[float]:
+def goal_positions(server: "NavServer") -> list[float]:
     return [goal.pose[1] for goal in server.goals]
 
 
 class TestActionLeaf:
-    def test_a_goal_is_made_of_what_a_port_holds_at_each_activation(self, stage: "Stage") -> None:
+    def test_goal_uses_port_value_at_each_activation(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["succeed"]
         entry = Scope(Board("test")).resolve("x")
@@ -110,17 +110,15 @@ class TestActionLeaf:
         for x in (1.5, -2.0):
             entry.write(x)
             assert stage.run(leaf) is Status.SUCCESS
-        assert driven_to(server) == [1.5, -2.0]
+        assert goal_positions(server) == [1.5, -2.0]
 
-    def test_a_goal_that_does_not_succeed_is_a_failure_that_is_logged(self, stage: "Stage") -> None:
+    def test_aborted_goal_fails_and_is_logged(self, stage: "Stage") -> None:
         stage.nav_server().script = ["abort"]
         assert stage.run(driver(stage)) is Status.FAILURE
         assert stage.warnings == ["'Drive' failed: aborted (status 6): error_code 105"]
 
     @pytest.mark.parametrize("status", [Status.SUCCESS, Status.FAILURE])
-    def test_a_status_in_place_of_a_goal_ends_the_leaf_and_sends_nothing(
-        self, stage: "Stage", status: Status
-    ) -> None:
+    def test_status_in_place_of_goal_ends_leaf_without_request(self, stage: "Stage", status: Status) -> None:
         server = stage.nav_server()
         leaf = driver(stage, ask=[status])
         leaf.tick_once()
@@ -129,7 +127,7 @@ class TestActionLeaf:
         assert leaf.is_settled()
         assert server.requests == 0
 
-    def test_a_leaf_whose_goal_is_not_ready_is_asked_for_it_again(self, stage: "Stage") -> None:
+    def test_goal_method_is_called_again_while_it_returns_running(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["succeed"]
         leaf = driver(stage, ask=[Status.RUNNING] * 3)
@@ -137,7 +135,7 @@ class TestActionLeaf:
         assert leaf.ask == []
         assert server.requests == 1
 
-    def test_each_feedback_is_heeded_once(self, stage: "Stage") -> None:
+    def test_each_feedback_is_processed_once(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["feedback"]
         leaf = driver(stage)
@@ -147,7 +145,7 @@ class TestActionLeaf:
         assert leaf.fed == [2.5]
         assert leaf.status is Status.RUNNING
 
-    def test_feedback_is_read_no_more_often_than_the_leaf_says(self, stage: "Stage") -> None:
+    def test_feedback_is_read_at_most_once_per_period(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["feedback"]
         leaf = driver(stage, feedback_period_sec=60.0)
@@ -161,7 +159,7 @@ class TestActionLeaf:
         server.order("feedback")
         stage.tick_until(leaf, lambda: len(leaf.fed) > 2, "what is read in each tick")
 
-    def test_feedback_that_the_leaf_has_no_use_for_is_not_read(
+    def test_feedback_is_not_read_without_on_feedback(
         self, stage: "Stage", monkeypatch: pytest.MonkeyPatch
     ) -> None:
         server = stage.nav_server()
@@ -175,9 +173,7 @@ class TestActionLeaf:
         server.order("succeed")
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_a_leaf_that_says_nothing_itself_says_how_long_its_goal_is_under_way(
-        self, stage: "Stage"
-    ) -> None:
+    def test_default_feedback_message_shows_duration_of_goal(self, stage: "Stage") -> None:
         stage.nav_server().script = ["feedback"]
         leaf = driver(stage)
         stage.tick_until(leaf, lambda: leaf.fed, "feedback")
@@ -186,7 +182,7 @@ class TestActionLeaf:
         leaf.tick_once()
         assert leaf.feedback_message == "docking"
 
-    def test_a_leaf_that_is_content_with_the_feedback_ends_and_cancels_its_goal(self, stage: "Stage") -> None:
+    def test_leaf_that_ends_on_feedback_cancels_its_goal(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["feedback"]
         leaf = driver(stage, near=3.0)
@@ -195,15 +191,13 @@ class TestActionLeaf:
         stage.until(lambda: server.goals[0].final == "canceled", "the end of the goal")
         assert leaf.update() is Status.SUCCESS
 
-    def test_a_leaf_that_is_running_at_its_result_sends_the_next_goal(self, stage: "Stage") -> None:
+    def test_leaf_that_returns_running_on_result_sends_next_goal(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["succeed"]
         assert stage.run(driver(stage, next=[1.0, 2.0, 3.0])) is Status.SUCCESS
-        assert driven_to(server) == [1.0, 2.0, 3.0]
+        assert goal_positions(server) == [1.0, 2.0, 3.0]
 
-    def test_a_server_that_has_sent_feedback_may_be_silent_for_as_long_as_it_likes(
-        self, stage: "Stage"
-    ) -> None:
+    def test_server_may_stay_silent_after_feedback(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["feedback"]
         leaf = driver(stage, server_timeout_sec=0.5)
@@ -216,28 +210,28 @@ class TestActionLeaf:
         server.order("succeed")
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_a_server_that_is_gone_is_waited_for_as_long_as_the_leaf_says(self, stage: "Stage") -> None:
+    def test_missing_server_is_awaited_for_absence_timeout(self, stage: "Stage") -> None:
         host = stage.host()
         server = stage.nav_server_on(host)
         leaf = driver(stage, absence_timeout_sec=0.2)
         port = leaf._port
         assert port is not None
         stage.until(lambda: port.server_is_ready, "the server")
-        under_way(stage, leaf, server)
+        wait_for_goals(stage, leaf, server)
         host.close()
         assert stage.run(leaf) is Status.FAILURE
         assert stage.warnings[-1] == (
             "'Drive' failed: the server has been missing for 0.2 s. The robot may still be moving"
         )
 
-    def test_the_type_can_be_the_python_class_itself(self, stage: "Stage") -> None:
+    def test_action_type_can_be_python_class(self, stage: "Stage") -> None:
         from nav2_msgs.action import NavigateToPose
 
         stage.nav_server().script = ["succeed"]
         assert stage.run(driver(stage, action_type=NavigateToPose)) is Status.SUCCESS
 
 
-def test_a_method_that_returns_nothing_to_send_is_told_what_to_return(stage: "Stage") -> None:
+def test_invalid_return_of_goal_or_request_is_explained(stage: "Stage") -> None:
     driving, asking = driver(stage, ask=[None]), stage.take(Configure("Configure"))
     asking.ask = ["configure"]  # type: ignore[list-item]
     with pytest.raises(
@@ -249,7 +243,7 @@ def test_a_method_that_returns_nothing_to_send_is_told_what_to_return(stage: "St
 
 
 class TestRejection:
-    def test_it_names_what_the_start_would_have_waited_for(self, stage: "Stage") -> None:
+    def test_rejection_message_recommends_use_of_nav2(self, stage: "Stage") -> None:
         stage.nav_server().accept = False
         assert stage.run(driver(stage)) is Status.FAILURE
         (warning,) = stage.warnings
@@ -258,12 +252,12 @@ class TestRejection:
             '`@register("DriveTo", …)`, so that a run sends the pose at its start and waits for Nav2.'
         )
 
-    def test_a_leaf_that_has_declared_it_is_not_told_to(self, stage: "Stage") -> None:
+    def test_recommendation_is_omitted_if_nav2_is_declared(self, stage: "Stage") -> None:
         stage.nav_server().accept = False
         stage.run(driver(stage, DriveWithNav2))
         assert stage.warnings == [f"'Drive' failed: {REJECTED}."]
 
-    def test_it_is_said_once_until_a_goal_is_accepted(self, stage: "Stage") -> None:
+    def test_rejection_is_logged_once_until_goal_is_accepted(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.accept = False
         leaf = driver(stage, pause_sec=0.0)
@@ -281,9 +275,7 @@ class TestRejection:
         assert len(stage.warnings) == 4
         assert server.requests == 7
 
-    def test_after_the_second_failure_it_pauses_ever_longer_before_the_next_attempt(
-        self, stage: "Stage"
-    ) -> None:
+    def test_delay_before_next_attempt_grows_after_second_failure(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.accept = False
         leaf = driver(stage)
@@ -302,13 +294,11 @@ class TestRejection:
             assert server.requests == number
 
 
-class TestHolding:
-    def test_a_lifecycle_node_that_is_not_active_is_waited_for_and_the_goal_sent_again(
-        self, stage: "Stage"
-    ) -> None:
+class TestWaitBeforeSending:
+    def test_inactive_lifecycle_node_is_awaited_and_goal_is_sent_again(self, stage: "Stage") -> None:
         server = stage.nav_server()
         state = lifecycle(stage, "bt_navigator")
-        leaf = knowing(stage, "bt_navigator")
+        leaf = driver_with_known_node(stage, "bt_navigator")
         server.accept, state.label = False, "inactive"
         stage.tick_until(leaf, lambda: "waits to send its goal again" in leaf.feedback_message, "the wait")
         (warning,) = stage.warnings
@@ -319,16 +309,16 @@ class TestHolding:
         assert stage.run(leaf) is Status.SUCCESS
         assert server.requests == 2
 
-    def test_a_goal_that_an_active_server_rejects_has_failed(self, stage: "Stage") -> None:
+    def test_goal_rejected_by_active_server_fails(self, stage: "Stage") -> None:
         stage.nav_server().accept = False
         lifecycle(stage, "bt_navigator")
-        assert stage.run(knowing(stage, "bt_navigator")) is Status.FAILURE
+        assert stage.run(driver_with_known_node(stage, "bt_navigator")) is Status.FAILURE
         assert "rejected" in stage.warnings[0]
 
-    def test_the_wait_has_a_limit(self, stage: "Stage") -> None:
+    def test_wait_for_lifecycle_node_has_limit(self, stage: "Stage") -> None:
         server = stage.nav_server()
         state = lifecycle(stage, "amcl")
-        leaf = knowing(stage, "amcl")
+        leaf = driver_with_known_node(stage, "amcl")
         server.accept, state.label = False, "unconfigured"
         stage.tick_until(leaf, lambda: "waits" in leaf.feedback_message, "the wait")
         assert leaf._hold is not None
@@ -336,32 +326,32 @@ class TestHolding:
         assert stage.run(leaf) is Status.FAILURE
         assert stage.warnings[-1].endswith("state 'unconfigured', must be 'active', for 60 s")
 
-    def test_an_abort_while_a_node_is_inactive_is_held_whatever_its_reason(self, stage: "Stage") -> None:
+    def test_goal_aborted_with_code_while_node_is_inactive_is_sent_again(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script, server.error_code = ["abort"], 208
         state = lifecycle(stage, "bt_navigator")
-        leaf = knowing(stage, "bt_navigator")
+        leaf = driver_with_known_node(stage, "bt_navigator")
         state.label = "inactive"
         stage.tick_until(leaf, lambda: "waits" in leaf.feedback_message, "the wait")
         server.script, server.error_code, state.label = ["succeed"], 0, "active"
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_an_abort_without_a_reason_is_held_until_the_localisation_is_active_again(
+    def test_goal_aborted_without_code_is_sent_again_after_localisation_is_active(
         self, stage: "Stage"
     ) -> None:
         server = stage.nav_server()
         server.script = ["abort"]
         state = lifecycle(stage, "amcl")
-        leaf = knowing(stage, "amcl")
+        leaf = driver_with_known_node(stage, "amcl")
         state.label = "finalized"
         stage.tick_until(leaf, lambda: "waits" in leaf.feedback_message, "the wait")
         server.script, state.label = ["succeed"], "active"
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_another_clients_goal_is_waited_for(self, stage: "Stage") -> None:
+    def test_goal_of_other_client_is_awaited(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = driver(stage)
-        under_way(stage, leaf, server)
+        wait_for_goals(stage, leaf, server)
         from rclpy.action import ActionClient
 
         other = ActionClient(stage.node, leaf.interface, "navigate_to_pose")
@@ -380,9 +370,7 @@ class TestHolding:
             other.destroy()
 
     @pytest.mark.parametrize("whose", ["this mission's", "another client's"])
-    def test_a_goal_of_a_rival_action_is_waited_for_before_one_is_sent(
-        self, whose: str, stage: "Stage"
-    ) -> None:
+    def test_goal_of_rival_action_is_awaited_before_sending(self, whose: str, stage: "Stage") -> None:
         from rclpy.action import ActionClient
 
         server, rival = stage.nav_server(), stage.through_server()
@@ -391,7 +379,7 @@ class TestHolding:
         client = ActionClient(stage.node, other.interface, "navigate_through_poses")
         try:
             if whose == "this mission's":
-                under_way(stage, other, rival)
+                wait_for_goals(stage, other, rival)
                 rival.heed_cancel = False
                 other.stop(Status.INVALID)
             else:
@@ -408,14 +396,12 @@ class TestHolding:
         finally:
             client.destroy()
 
-    def test_a_goal_of_its_own_whose_end_is_not_seen_is_waited_for_as_long_as_an_acceptance(
-        self, stage: "Stage"
-    ) -> None:
+    def test_wait_for_own_goal_with_unknown_end_is_limited(self, stage: "Stage") -> None:
         server, rival = stage.nav_server(), stage.through_server()
         leaf = driver(stage, DriveAlone)
         clock = leaf._clock = ManualClock()
         other = driver(stage, DriveThrough)
-        under_way(stage, other, rival)
+        wait_for_goals(stage, other, rival)
         rival.heed_cancel = False
         other.stop(Status.INVALID)
         leaf.tick_once()
@@ -429,14 +415,14 @@ class TestHolding:
         rival.wait_for_end()
 
 
-class TestTheSecondWitness:
-    def test_a_result_that_does_not_come_is_replaced_by_what_the_status_topic_says(
+class TestStatusTopic:
+    def test_status_topic_replaces_missing_result(
         self, stage: "Stage", monkeypatch: pytest.MonkeyPatch
     ) -> None:
         server = stage.nav_server()
         leaf = driver(stage)
         clock = leaf._clock = ManualClock()
-        under_way(stage, leaf, server)
+        wait_for_goals(stage, leaf, server)
         goal = leaf._exchange
         assert goal is not None
         monkeypatch.setattr(goal, "_on_result", lambda _: None)
@@ -474,8 +460,8 @@ def lifecycle(stage: "Stage", name: str) -> Lifecycle:
     return state
 
 
-def knowing(stage: "Stage", name: str) -> DriveTo:
-    """Return a leaf that has seen a lifecycle node of Nav2."""
+def driver_with_known_node(stage: "Stage", name: str) -> DriveTo:
+    """Return a leaf that has discovered a lifecycle node of Nav2."""
     leaf = driver(stage, DriveWithNav2)
     node = robot_estimate(leaf.node).lifecycle(name)
     stage.until(lambda: node.is_there, name)
@@ -506,7 +492,7 @@ class Configure(ServiceLeaf):
         return super().on_response(response)
 
 
-def changing(stage: "Stage", *, success: bool) -> "ScriptedService":
+def serve_configure(stage: "Stage", *, success: bool) -> "ScriptedService":
     from lifecycle_msgs.srv import ChangeState
 
     from tests.missions.mission_stage import ScriptedService
@@ -518,42 +504,40 @@ def changing(stage: "Stage", *, success: bool) -> "ScriptedService":
 
 
 class TestServiceLeaf:
-    def test_an_answer_is_a_success_and_wakes_the_tree(self, stage: "Stage") -> None:
-        changing(stage, success=True)
+    def test_response_succeeds_and_wakes_tree(self, stage: "Stage") -> None:
+        serve_configure(stage, success=True)
         state = Output[str]()
         assert stage.run(stage.take(Configure("Configure", state))) is Status.SUCCESS
         assert state.value == "configured"
         assert stage.wakes == 1
 
-    def test_an_answer_that_says_it_did_not_succeed_is_a_failure_and_no_good_news(
-        self, stage: "Stage"
-    ) -> None:
-        changing(stage, success=False)
+    def test_response_without_success_fails_and_does_not_wake_tree(self, stage: "Stage") -> None:
+        serve_configure(stage, success=False)
         assert stage.run(stage.take(Configure("Configure"))) is Status.FAILURE
         assert stage.warnings == ["'Configure' failed: the server reports a failure"]
         assert stage.wakes == 0
 
-    def test_a_status_in_place_of_a_request_ends_the_leaf(self, stage: "Stage") -> None:
+    def test_status_in_place_of_request_ends_leaf(self, stage: "Stage") -> None:
         leaf = stage.take(Configure("Configure"))
         leaf.ask = [Status.SUCCESS]
         leaf.tick_once()
         assert leaf.status is Status.SUCCESS
         assert stage.lines == []
 
-    def test_a_leaf_that_is_running_at_its_answer_asks_again(self, stage: "Stage") -> None:
-        service = changing(stage, success=True)
+    def test_leaf_that_returns_running_on_response_sends_request_again(self, stage: "Stage") -> None:
+        service = serve_configure(stage, success=True)
         leaf = stage.take(Configure("Configure"))
         leaf.again = 2
         assert stage.run(leaf) is Status.SUCCESS
         assert len(service.requests) == 3
 
-    def test_a_service_that_stays_away_is_complained_of_once(self, stage: "Stage") -> None:
+    def test_missing_service_is_logged_once(self, stage: "Stage") -> None:
         leaf = stage.take(Configure("Configure"))
         leaf.server_timeout_sec = 0.0
         assert [stage.run(leaf) for _ in range(3)] == [Status.FAILURE] * 3
         assert len(stage.warnings) == 1
         assert "no server for the service" in stage.warnings[0]
-        changing(stage, success=False)
+        serve_configure(stage, success=False)
         leaf.server_timeout_sec = 8.0
         stage.run(leaf)
         stage.run(leaf)
@@ -572,7 +556,7 @@ class Battery(TopicLeaf):
 
 
 class AnyMessage(TopicLeaf):
-    """Wait for a message, whatever it says."""
+    """Wait for any message."""
 
     topic_type = "std_msgs/msg/Float32"
     topic_name = "battery"
@@ -580,12 +564,12 @@ class AnyMessage(TopicLeaf):
     waits = True
 
 
-def listening(stage: "Stage", leaf: TopicLeaf, **attributes: Any) -> Any:
-    """Set a leaf up; return a function that publishes a voltage until it has come."""
+def set_up_with_publisher(stage: "Stage", leaf: TopicLeaf, **attributes: Any) -> Any:
+    """Set a leaf up; return a function that publishes a voltage and waits until the leaf has received it."""
     for name, value in attributes.items():
         setattr(leaf, name, value)
     stage.take(leaf)
-    publisher = announced(stage, "reliable")
+    publisher = create_battery_publisher(stage, "reliable")
 
     def publish(volts: float) -> None:
         stage.until(lambda: publisher.get_subscription_count() == 1, "the subscription")
@@ -596,7 +580,7 @@ def listening(stage: "Stage", leaf: TopicLeaf, **attributes: Any) -> Any:
     return publish
 
 
-def announced(stage: "Stage", reliability: str, durability: str = "volatile") -> Any:
+def create_battery_publisher(stage: "Stage", reliability: str, durability: str = "volatile") -> Any:
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
     from std_msgs.msg import Float32
 
@@ -614,7 +598,7 @@ def send(publisher: Any, volts: float) -> None:
     publisher.publish(Float32(data=volts))
 
 
-def ticked(leaf: TopicLeaf) -> Status:
+def tick_leaf(leaf: TopicLeaf) -> Status:
     leaf.tick_once()
     return leaf.status
 
@@ -630,83 +614,81 @@ def set_clock(stage: "Stage", seconds: float) -> None:
 
 
 class TestTopicLeaf:
-    def test_a_condition_fails_while_nothing_has_come_and_then_answers_by_the_latest_message(
-        self, stage: "Stage"
-    ) -> None:
+    def test_condition_fails_without_message_and_then_uses_latest_message(self, stage: "Stage") -> None:
         leaf = Battery("Battery?")
-        publish = listening(stage, leaf)
-        assert ticked(leaf) is Status.FAILURE
+        publish = set_up_with_publisher(stage, leaf)
+        assert tick_leaf(leaf) is Status.FAILURE
         assert leaf.feedback_message == "no message on 'battery'"
         publish(12.0)
-        assert ticked(leaf) is Status.SUCCESS
+        assert tick_leaf(leaf) is Status.SUCCESS
         publish(10.5)
-        assert ticked(leaf) is Status.FAILURE
+        assert tick_leaf(leaf) is Status.FAILURE
         assert leaf.feedback_message == "10.5 V"
         assert stage.wakes == 0
 
-    def test_a_message_that_came_too_long_ago_is_none(self, stage: "Stage") -> None:
+    def test_message_older_than_max_age_is_ignored(self, stage: "Stage") -> None:
         set_clock(stage, 100.0)
         leaf = Battery("Battery?")
-        publish = listening(stage, leaf, max_age_sec=0.5)
+        publish = set_up_with_publisher(stage, leaf, max_age_sec=0.5)
         publish(12.0)
         set_clock(stage, 100.5)
-        assert ticked(leaf) is Status.SUCCESS
+        assert tick_leaf(leaf) is Status.SUCCESS
         set_clock(stage, 100.6)
-        assert ticked(leaf) is Status.FAILURE
+        assert tick_leaf(leaf) is Status.FAILURE
         assert leaf.feedback_message == "no message on 'battery' within 0.5 s"
         publish(12.5)
-        assert ticked(leaf) is Status.SUCCESS
+        assert tick_leaf(leaf) is Status.SUCCESS
 
-    def test_a_clock_that_jumps_back_makes_a_message_too_old(self, stage: "Stage") -> None:
+    def test_clock_jump_back_expires_message(self, stage: "Stage") -> None:
         set_clock(stage, 100.0)
         leaf = Battery("Battery?")
-        listening(stage, leaf, max_age_sec=0.5)(12.0)
+        set_up_with_publisher(stage, leaf, max_age_sec=0.5)(12.0)
         set_clock(stage, 5.0)
-        assert ticked(leaf) is Status.FAILURE
+        assert tick_leaf(leaf) is Status.FAILURE
 
-    def test_a_leaf_that_waits_is_woken_by_the_first_message_only(self, stage: "Stage") -> None:
+    def test_waiting_leaf_is_woken_by_first_message_only(self, stage: "Stage") -> None:
         leaf = AnyMessage("Wait")
-        publish = listening(stage, leaf)
-        assert ticked(leaf) is Status.RUNNING
+        publish = set_up_with_publisher(stage, leaf)
+        assert tick_leaf(leaf) is Status.RUNNING
         publish(0.0)
         assert stage.wakes == 1
         publish(1.0)
         assert stage.wakes == 1
-        assert ticked(leaf) is Status.SUCCESS
+        assert tick_leaf(leaf) is Status.SUCCESS
         publish(2.0)
         assert stage.wakes == 1
 
-    def test_a_message_from_before_counts_unless_it_is_forgotten_on_entry(self, stage: "Stage") -> None:
+    def test_earlier_message_is_used_unless_cleared_on_initialise(self, stage: "Stage") -> None:
         leaf = AnyMessage("Wait")
-        publish = listening(stage, leaf)
+        publish = set_up_with_publisher(stage, leaf)
         publish(1.0)
-        assert ticked(leaf) is Status.SUCCESS
-        assert ticked(leaf) is Status.SUCCESS
+        assert tick_leaf(leaf) is Status.SUCCESS
+        assert tick_leaf(leaf) is Status.SUCCESS
         leaf.clearing_policy = ClearingPolicy.ON_INITIALISE
-        assert ticked(leaf) is Status.RUNNING
+        assert tick_leaf(leaf) is Status.RUNNING
         publish(2.0)
-        assert ticked(leaf) is Status.SUCCESS
+        assert tick_leaf(leaf) is Status.SUCCESS
 
-    def test_each_message_counts_once_where_it_is_forgotten_on_success(self, stage: "Stage") -> None:
+    def test_message_is_used_once_if_cleared_on_success(self, stage: "Stage") -> None:
         leaf = AnyMessage("Button")
-        publish = listening(stage, leaf, clearing_policy=ClearingPolicy.ON_SUCCESS)
+        publish = set_up_with_publisher(stage, leaf, clearing_policy=ClearingPolicy.ON_SUCCESS)
         publish(1.0)
-        assert ticked(leaf) is Status.SUCCESS
-        assert ticked(leaf) is Status.RUNNING
+        assert tick_leaf(leaf) is Status.SUCCESS
+        assert tick_leaf(leaf) is Status.RUNNING
 
     @pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
-    def test_sensor_data_goes_with_every_publisher(self, stage: "Stage", reliability: str) -> None:
+    def test_sensor_data_qos_matches_every_reliability(self, stage: "Stage", reliability: str) -> None:
         leaf = stage.take(Battery("Battery?"))
-        publisher = announced(stage, reliability)
+        publisher = create_battery_publisher(stage, reliability)
 
         def came() -> bool:
             send(publisher, 12.0)
-            return ticked(leaf) is Status.SUCCESS
+            return tick_leaf(leaf) is Status.SUCCESS
 
         stage.until(came, f"a message of a {reliability} publisher")
 
-    def test_what_was_published_before_the_setup_comes_to_who_asks_for_it(self, stage: "Stage") -> None:
-        publisher = announced(stage, "reliable", "transient_local")
+    def test_transient_local_leaf_receives_message_published_before_setup(self, stage: "Stage") -> None:
+        publisher = create_battery_publisher(stage, "reliable", "transient_local")
         send(publisher, 12.0)
         late, later = AnyMessage("Late"), AnyMessage("Later")
         late.qos = "transient_local"
@@ -714,27 +696,27 @@ class TestTopicLeaf:
         stage.take(late)
         stage.tick_until(late, lambda: late.status is Status.SUCCESS, "the message from before")
         stage.until(lambda: publisher.get_subscription_count() == 2, "the other subscription")
-        assert ticked(later) is Status.RUNNING
+        assert tick_leaf(later) is Status.RUNNING
 
-    def test_the_quality_of_service_can_be_a_profile(self, stage: "Stage") -> None:
+    def test_qos_can_be_profile(self, stage: "Stage") -> None:
         from rclpy.qos import qos_profile_sensor_data
 
         leaf = Battery("Battery?")
-        listening(stage, leaf, qos=qos_profile_sensor_data)(12.0)
-        assert ticked(leaf) is Status.SUCCESS
+        set_up_with_publisher(stage, leaf, qos=qos_profile_sensor_data)(12.0)
+        assert tick_leaf(leaf) is Status.SUCCESS
 
-    def test_setting_up_again_leaves_no_subscription_and_no_message_behind(self, stage: "Stage") -> None:
+    def test_repeated_setup_leaves_no_subscription_or_message(self, stage: "Stage") -> None:
         leaf = AnyMessage("Wait")
-        listening(stage, leaf)(1.0)
+        set_up_with_publisher(stage, leaf)(1.0)
         subscriptions = len(list(stage.node.subscriptions))
         leaf.setup(node=stage.node)
         assert len(list(stage.node.subscriptions)) == subscriptions
-        assert ticked(leaf) is Status.RUNNING
+        assert tick_leaf(leaf) is Status.RUNNING
         leaf.shutdown()
         leaf.shutdown()
         assert len(list(stage.node.subscriptions)) == subscriptions - 1
 
-    def test_a_node_that_is_destroyed_before_it_does_no_harm(self, stage: "Stage") -> None:
+    def test_shutdown_works_after_node_is_destroyed(self, stage: "Stage") -> None:
         leaf = stage.take(Battery("Battery?"))
         stage.node.destroy_node()
         leaf.shutdown()
@@ -781,7 +763,7 @@ class TestTopicLeaf:
         ),
     ],
 )
-def test_what_a_class_lacks_is_told_by_its_setup(
+def test_setup_reports_invalid_class_attributes(
     stage: "Stage", leaf: Any, attributes: dict[str, Any], message: str
 ) -> None:
     for name, value in attributes.items():
@@ -790,7 +772,7 @@ def test_what_a_class_lacks_is_told_by_its_setup(
         leaf.setup(node=stage.node)
 
 
-def test_leaves_are_checked_and_made_where_there_is_no_ros() -> None:
+def test_leaves_are_created_and_described_without_ros() -> None:
     program = (
         "import sys; sys.modules['rclpy'] = None\n"
         "from tests.ros.test_leaf_bases import *\n"

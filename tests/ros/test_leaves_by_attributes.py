@@ -1,4 +1,4 @@
-"""Leaves that need no Python: a service, an action, a topic and frames that stand in the tree, against real servers."""
+"""Tests of leaves that need no Python: services, actions, topics and frames given in the tree, against real servers."""
 
 import inspect
 import math
@@ -39,8 +39,8 @@ READ |= {"fields": read_destinations, "feedback": read_destinations}
 POSE = "geometry_msgs/msg/PoseStamped"
 
 
-def made(cls: Any, tag: str, *texts: str, **attributes: Any) -> Any:
-    """Make a leaf of what a tree file would say: the name of a server or topic first, or two frames."""
+def make_leaf(cls: Any, tag: str, *texts: str, **attributes: Any) -> Any:
+    """Make a leaf from the attributes of a tree file: the name of a server or topic first, or two frames."""
     ports = ("request", "goal", "message")
     values = {name: READ[name](each) if name in READ else each for name, each in attributes.items()}
     values = {name: Input(each) if name in ports else each for name, each in values.items()}
@@ -52,7 +52,7 @@ def made(cls: Any, tag: str, *texts: str, **attributes: Any) -> Any:
     )
 
 
-def ticked(leaf: Any) -> Status:
+def tick_leaf(leaf: Any) -> Status:
     """Tick a leaf, and return its status."""
     leaf.tick_once()
     status: Status = leaf.status
@@ -60,7 +60,7 @@ def ticked(leaf: Any) -> Status:
 
 
 def run(ros: Ros, leaf: Any, until: Callable[[], object] | None = None) -> Status:
-    """Set a leaf up and tick it until it has ended, or something else is so."""
+    """Set a leaf up and tick it until it has ended, or until another condition holds."""
     leaf.setup(node=ros.node("mission"))
 
     def is_over() -> bool:
@@ -72,8 +72,8 @@ def run(ros: Ros, leaf: Any, until: Callable[[], object] | None = None) -> Statu
     return status
 
 
-def switch(ros: Ros, *, success: bool = True) -> list[bool]:
-    """Serve `switch`; return what was asked for."""
+def serve_switch(ros: Ros, *, success: bool = True) -> list[bool]:
+    """Serve `switch`; return the list of requested values."""
     from std_srvs.srv import SetBool
 
     asked: list[bool] = []
@@ -89,26 +89,24 @@ def switch(ros: Ros, *, success: bool = True) -> list[bool]:
 
 class TestRosService:
     def leaf(self, **attributes: Any) -> attribute_leaves.RosService:
-        leaf: attribute_leaves.RosService = made(
+        leaf: attribute_leaves.RosService = make_leaf(
             attribute_leaves.RosService, "Switch", "switch", "std_srvs/srv/SetBool", **attributes
         )
         return leaf
 
-    def test_the_request_is_what_the_tree_says_and_a_field_of_the_answer_is_written(self, ros: Ros) -> None:
-        asked, said = switch(ros), Output[object]()
+    def test_request_is_sent_and_response_field_is_written(self, ros: Ros) -> None:
+        asked, said = serve_switch(ros), Output[object]()
         assert run(ros, self.leaf(request="data: true", field="message", value=said)) is Status.SUCCESS
         assert (asked, said.value) == ([True], "as you like")
 
-    def test_an_answer_that_says_no_is_a_failure_with_its_reason_where_the_tree_asks_for_that(
-        self, ros: Ros
-    ) -> None:
-        switch(ros, success=False)
+    def test_negative_response_fails_with_reason_if_success_is_given(self, ros: Ros) -> None:
+        serve_switch(ros, success=False)
         leaf = self.leaf(success="success")
         assert run(ros, leaf) is Status.FAILURE
         assert leaf.feedback_message == "'Switch': 'switch' reports a failure: it is locked"
 
-    def test_else_any_answer_is_a_success(self, ros: Ros) -> None:
-        switch(ros, success=False)
+    def test_any_response_succeeds_without_success_attribute(self, ros: Ros) -> None:
+        serve_switch(ros, success=False)
         assert run(ros, self.leaf()) is Status.SUCCESS
 
     @pytest.mark.parametrize(
@@ -124,7 +122,7 @@ class TestRosService:
             ({"success": "ok"}, "'Switch': there is no field 'ok'"),
         ],
     )
-    def test_a_mistake_in_the_fields_is_told_without_a_node_and_when_it_is_set_up(
+    def test_invalid_fields_are_reported_without_node_and_in_setup(
         self, ros: Ros, attributes: dict[str, Any], said: str
     ) -> None:
         leaf = self.leaf(**attributes)
@@ -133,14 +131,14 @@ class TestRosService:
                 ask()
             assert str(raised.value).startswith(said)
 
-    def test_an_answer_that_says_no_has_its_fields_written_too(self, ros: Ros) -> None:
-        switch(ros, success=False)
+    def test_fields_of_negative_response_are_written(self, ros: Ros) -> None:
+        serve_switch(ros, success=False)
         text = Output[object]()
         leaf = self.leaf(success="success", field="message", value=text)
         assert run(ros, leaf) is Status.FAILURE
         assert (text.value, leaf.outcome_label) == ("it is locked", "refused")
 
-    def test_without_a_server_nothing_is_written_and_the_answer_says_so(self, ros: Ros) -> None:
+    def test_missing_server_writes_nothing_and_sets_outcome(self, ros: Ros) -> None:
         text = Output[object]()
         leaf = self.leaf(field="message", value=text, server_timeout_sec=0.0)
         assert run(ros, leaf) is Status.FAILURE
@@ -159,21 +157,21 @@ class TestRosService:
 
         ros.node("server").create_service(SetParameters, "set", answer)
         texts = ("Set", "set", "rcl_interfaces/srv/SetParameters")
-        leaf: attribute_leaves.RosService = made(attribute_leaves.RosService, *texts, **attributes)
+        leaf: attribute_leaves.RosService = make_leaf(attribute_leaves.RosService, *texts, **attributes)
         return leaf
 
-    def test_the_reason_stands_beside_the_field_that_must_be_true(self, ros: Ros) -> None:
+    def test_reason_is_read_beside_success_field(self, ros: Ros) -> None:
         leaf = self.parameters(ros, (True, ""), (False, "read only"), success="results[1].successful")
         assert run(ros, leaf) is Status.FAILURE
         assert leaf.feedback_message == "'Set': 'set' reports a failure: read only"
 
-    def test_an_answer_without_the_element_that_is_asked_for_is_a_failure(self, ros: Ros) -> None:
+    def test_response_without_success_element_fails(self, ros: Ros) -> None:
         leaf = self.parameters(ros, success="results[0].successful")
         assert run(ros, leaf) is Status.FAILURE
         said = "'Set': 'set' reports a failure: 'results[0]' does not exist: 'results' has 0 values"
         assert (leaf.feedback_message, leaf.outcome_label) == (said, "refused")
 
-    def test_a_field_that_is_not_there_is_a_failure_and_the_others_are_written(self, ros: Ros) -> None:
+    def test_missing_field_fails_and_other_fields_are_written(self, ros: Ros) -> None:
         scope = Scope(Board("test"))
         fields = "results[1].reason: {none}, results[0].reason: {why}"
         leaf = self.parameters(ros, (True, "fine"), fields=fields, scope=scope)
@@ -182,8 +180,8 @@ class TestRosService:
         assert (leaf.feedback_message, leaf.outcome_label) == (said, "no answer")
         assert (scope.resolve("why").read(), scope.resolve("none").exists) == ("fine", False)
 
-    def test_the_name_and_the_values_in_the_request_come_from_keys(self, ros: Ros) -> None:
-        asked, scope = switch(ros), Scope(Board("test"))
+    def test_service_name_and_request_values_come_from_keys(self, ros: Ros) -> None:
+        asked, scope = serve_switch(ros), Scope(Board("test"))
         leaf = attribute_leaves.RosService(
             "Switch",
             Input(scope.resolve("service")),
@@ -196,7 +194,7 @@ class TestRosService:
         for on in (True, 0):
             scope.resolve("on").write(on)
             leaf.tick_once()
-            ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "an answer")
+            ros.spin_until(lambda: tick_leaf(leaf) is Status.SUCCESS, "an answer")
         assert asked == [True, False]
         scope.resolve("on").write("perhaps")
         with pytest.raises(PortError, match="request: data is 'perhaps', but must be boolean, true or false"):
@@ -205,10 +203,10 @@ class TestRosService:
         with pytest.raises(PortError, match=r"request: \{on\}: the key 'on' has no value yet"):
             leaf.tick_once()
 
-    def test_a_whole_request_comes_from_a_key_as_a_message_a_mapping_or_a_text(self, ros: Ros) -> None:
+    def test_whole_request_comes_from_key_as_message_mapping_or_string(self, ros: Ros) -> None:
         from std_srvs.srv import SetBool, Trigger
 
-        asked, entry = switch(ros), Scope(Board("test")).resolve("request")
+        asked, entry = serve_switch(ros), Scope(Board("test")).resolve("request")
         leaf = attribute_leaves.RosService(
             "Switch", Input("switch"), "std_srvs/srv/SetBool", request=Input(entry)
         )
@@ -216,7 +214,7 @@ class TestRosService:
         for request in (SetBool.Request(data=True), {"data": False}, "data: true"):
             entry.write(request)
             leaf.tick_once()
-            ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "an answer")
+            ros.spin_until(lambda: tick_leaf(leaf) is Status.SUCCESS, "an answer")
         assert asked == [True, False, True]
         for wrong in (Trigger.Request(), 5, "data: ["):
             entry.write(wrong)
@@ -232,9 +230,7 @@ class TestRosService:
         ('<RosTopic topic="x" type="std_msgs/msg/String" field="date" value="{v}"/>', "did you mean 'data'?"),
     ],
 )
-def test_a_run_tells_a_mistake_before_it_waits_for_a_server_that_nobody_has(
-    leaf: str, said: str, tmp_path: Path
-) -> None:
+def test_run_reports_invalid_leaf_before_waiting_for_server(leaf: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "call.xml").write_text(document(leaf), encoding="utf-8")
     words = (BIN / "sar-run", tmp_path / "call.xml", "--model", "ros:jazzy")
     done = subprocess.run(words, capture_output=True, text=True, timeout=SILENCE_SEC, check=False)
@@ -246,8 +242,8 @@ def test_a_run_tells_a_mistake_before_it_waits_for_a_server_that_nobody_has(
     "written",
     ["os/srv/Trigger", "sar_compiler/srv/Trigger", "no_such_msgs/srv/X", "../x/srv/X", "__main__/srv/X", ""],
 )
-def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> None:
-    leaf = made(attribute_leaves.RosService, "Call", "call", written)
+def test_tree_file_can_import_only_interfaces(ros: Ros, written: str) -> None:
+    leaf = make_leaf(attribute_leaves.RosService, "Call", "call", written)
     with pytest.raises(
         LeafDefinitionError, match=r"'Call': (there is no interface package '|'.*' is not a ROS type)"
     ):
@@ -255,8 +251,8 @@ def test_a_file_has_nothing_imported_but_interfaces(ros: Ros, written: str) -> N
 
 
 @pytest.mark.parametrize(("written", "said"), [("no name", "topic name must not contain"), ("", "''")])
-def test_a_name_that_is_none_is_told_before_anything_is_waited_for(written: str, said: str) -> None:
-    leaf = made(attribute_leaves.RosService, "Call", written, "std_srvs/srv/Trigger")
+def test_invalid_server_name_is_reported_by_definition_check(written: str, said: str) -> None:
+    leaf = make_leaf(attribute_leaves.RosService, "Call", written, "std_srvs/srv/Trigger")
     with pytest.raises(LeafDefinitionError, match=f"'Call': .*{said}") as raised:
         leaf.require_definition()
     assert f"'{written}' is not a valid server or topic name" in str(raised.value)
@@ -266,7 +262,7 @@ class TestRosAction:
     TYPE = "nav2_msgs/action/NavigateToPose"
 
     def server(self, ros: Ros, name: str = "go") -> list[Any]:
-        """Serve an action that goes to x, and aborts below 0; return the goals."""
+        """Serve an action that succeeds if x is above 0, and else aborts; return the list of goals."""
         from nav2_msgs.action import NavigateToPose
         from rclpy.action import ActionServer
 
@@ -284,19 +280,19 @@ class TestRosAction:
 
     def leaf(self, x: float, **attributes: Any) -> attribute_leaves.RosAction:
         goal = f"pose: {{header: {{frame_id: map}}, pose: {{position: {{x: {x}}}}}}}"
-        leaf: attribute_leaves.RosAction = made(
+        leaf: attribute_leaves.RosAction = make_leaf(
             attribute_leaves.RosAction, "Go", "go", self.TYPE, goal=goal, **attributes
         )
         return leaf
 
-    def test_the_goal_is_what_the_tree_says_and_its_end_is_the_leafs(self, ros: Ros) -> None:
+    def test_goal_is_sent_and_its_result_ends_leaf(self, ros: Ros) -> None:
         goals, told = self.server(ros), Output[object]()
         leaf = self.leaf(2, field="error_code", value=told)
         assert run(ros, leaf) is Status.SUCCESS
         assert (goals[0].pose.header.frame_id, goals[0].pose.pose.position.x) == ("map", 2.0)
         assert (told.value, leaf.outcome_label) == (7, "succeeded")
 
-    def test_an_aborted_goals_result_is_written_and_its_error_is_told(self, ros: Ros) -> None:
+    def test_result_of_aborted_goal_is_written_and_error_is_reported(self, ros: Ros) -> None:
         self.server(ros)
         scope = Scope(Board("test"))
         leaf = self.leaf(-2.5, fields="error_code: {code}, error_msg: {text}", scope=scope)
@@ -305,19 +301,19 @@ class TestRosAction:
         assert leaf.outcome_label == "aborted"
         assert leaf.feedback_message == "'Go' failed: 'go': aborted (status 6): error_code 7: no path"
 
-    def test_without_a_result_nothing_is_written_and_the_answer_says_so(self, ros: Ros) -> None:
+    def test_missing_result_writes_nothing_and_sets_outcome(self, ros: Ros) -> None:
         code = Output[object]()
         leaf = self.leaf(1, field="error_code", value=code, server_timeout_sec=0.0)
         assert run(ros, leaf) is Status.FAILURE
         assert (code.value, leaf.outcome_label) == (None, "no result")
 
-    def test_a_whole_result_is_written_as_the_message_that_it_is(self, ros: Ros) -> None:
+    def test_whole_result_is_written_as_message(self, ros: Ros) -> None:
         self.server(ros)
         whole: Any = Output()
         run(ros, self.leaf(-1, value=whole))
         assert (type(whole.value).__name__, whole.value.error_msg) == ("NavigateToPose_Result", "no path")
 
-    def test_feedback_is_written_while_the_goal_is_under_way(self, ros: Ros) -> None:
+    def test_feedback_is_written_while_goal_is_active(self, ros: Ros) -> None:
         from nav2_msgs.action import NavigateToPose
         from rclpy.action import ActionServer
         from rclpy.task import Future
@@ -337,9 +333,9 @@ class TestRosAction:
         run(ros, leaf, lambda: left.exists)
         assert (left.read(), leaf.status) == (1.25, Status.RUNNING)
         is_seen.set_result(None)
-        ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "the end of the goal")
+        ros.spin_until(lambda: tick_leaf(leaf) is Status.SUCCESS, "the end of the goal")
 
-    def test_the_goal_goes_to_the_server_that_a_key_names_when_the_leaf_is_entered(self, ros: Ros) -> None:
+    def test_goal_is_sent_to_server_named_by_key_on_entry(self, ros: Ros) -> None:
         first, second = self.server(ros, "first"), self.server(ros, "second")
         action = Scope(Board("test")).resolve("where")
         leaf = attribute_leaves.RosAction(
@@ -350,7 +346,7 @@ class TestRosAction:
         for name in ("first", "second", "first"):
             action.write(name)
             leaf.tick_once()
-            ros.spin_until(lambda: ticked(leaf) is not Status.RUNNING, f"an end on {name}")
+            ros.spin_until(lambda: tick_leaf(leaf) is not Status.RUNNING, f"an end on {name}")
         assert (len(first), len(second)) == (2, 1)
         action.write("no name")
         with pytest.raises(
@@ -365,7 +361,7 @@ class TestRosAction:
 class TestRosPublish:
     def leaf(self, **attributes: Any) -> attribute_leaves.RosPublish:
         texts = ("Say", "said", "std_msgs/msg/String")
-        leaf: attribute_leaves.RosPublish = made(attribute_leaves.RosPublish, *texts, **attributes)
+        leaf: attribute_leaves.RosPublish = make_leaf(attribute_leaves.RosPublish, *texts, **attributes)
         return leaf
 
     def listen(self, ros: Ros, qos: Any = 10) -> list[str]:
@@ -377,17 +373,17 @@ class TestRosPublish:
         )
         return heard
 
-    def test_it_runs_until_there_is_a_subscriber_which_hears_the_message_once(self, ros: Ros) -> None:
+    def test_leaf_waits_for_subscriber_and_publishes_once(self, ros: Ros) -> None:
         leaf = self.leaf(message="data: hello", timeout_sec=1000.0)
         leaf.setup(node=ros.node("mission"))
         leaf.tick_once()
         assert (leaf.status, leaf.feedback_message) == (Status.RUNNING, "waiting for a subscriber of '/said'")
         heard = self.listen(ros)
-        ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "the publishing")
+        ros.spin_until(lambda: tick_leaf(leaf) is Status.SUCCESS, "the publishing")
         ros.spin_until(lambda: heard, "the message")
         assert heard == ["hello"]
 
-    def test_without_a_subscriber_it_fails_after_its_time_out_unless_it_need_not_wait(self, ros: Ros) -> None:
+    def test_leaf_without_subscriber_fails_after_timeout_unless_waits_is_off(self, ros: Ros) -> None:
         leaf = self.leaf(timeout_sec=0.0)
         assert run(ros, leaf) is Status.FAILURE
         assert leaf.feedback_message == "'Say': no subscriber of '/said' within 0 s"
@@ -401,7 +397,7 @@ class TestRosPublish:
             ("Int8", "volatile", "subscribed as std_msgs/msg/Int8, but must be std_msgs/msg/String"),
         ],
     )  # fmt: skip
-    def test_a_subscriber_that_hears_nothing_is_named_with_the_reason(
+    def test_incompatible_subscriber_is_named_with_reason(
         self, ros: Ros, make_ros: Callable[[], Ros], kind: str, durability: str, why: str
     ) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -412,9 +408,9 @@ class TestRosPublish:
         leaf = self.leaf(qos="sensor_data", timeout_sec=0.0)
         leaf.setup(node=ros.node("mission"))
         said = f"'Say': no subscriber of '/said' within 0 s: {why}"
-        ros.spin_until(lambda: ticked(leaf) and leaf.feedback_message == said, said)
+        ros.spin_until(lambda: tick_leaf(leaf) and leaf.feedback_message == said, said)
 
-    def test_a_latched_message_reaches_who_comes_later_and_of_two_leaves_the_last_one(self, ros: Ros) -> None:
+    def test_late_subscriber_receives_latched_message_of_last_leaf(self, ros: Ros) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         node = ros.node("mission")
@@ -427,29 +423,29 @@ class TestRosPublish:
         ros.spin_until(lambda: heard, "the latched message")
         assert heard == ["second"]
 
-    def test_now_is_the_time_of_the_nodes_clock(self, ros: Ros) -> None:
+    def test_now_is_time_of_node_clock(self, ros: Ros) -> None:
         from std_msgs.msg import Header
 
         heard: list[Any] = []
         node = ros.node("mission")
         node.create_subscription(Header, "stamped", heard.append, 10)
-        leaf = made(
+        leaf = make_leaf(
             attribute_leaves.RosPublish, "Say", "stamped", "std_msgs/msg/Header", message="stamp: now"
         )
         before = node.get_clock().now().nanoseconds
         leaf.setup(node=node)
-        ros.spin_until(lambda: ticked(leaf) and heard, "the message")
+        ros.spin_until(lambda: tick_leaf(leaf) and heard, "the message")
         stamp = heard[0].stamp.sec * 10**9 + heard[0].stamp.nanosec
         assert before <= stamp <= node.get_clock().now().nanoseconds
 
 
 class TestRosTopic:
-    def test_a_field_of_the_latest_message_is_written(self, ros: Ros) -> None:
+    def test_field_of_latest_message_is_written(self, ros: Ros) -> None:
         from geometry_msgs.msg import PoseStamped
 
         publisher = ros.node("source").create_publisher(PoseStamped, "place", 1)
         at = Output[object]()
-        leaf = made(
+        leaf = make_leaf(
             attribute_leaves.RosTopic, "Place", "place", POSE, field="pose.position.x", value=at, waits=True
         )
 
@@ -463,23 +459,25 @@ class TestRosTopic:
         assert at.value == 3.5
 
     @pytest.mark.parametrize(("waits", "status"), [(True, Status.RUNNING), (False, Status.FAILURE)])
-    def test_without_a_message_it_waits_only_if_it_is_to(self, ros: Ros, waits: bool, status: Status) -> None:
-        leaf = made(attribute_leaves.RosTopic, "Place", "place", POSE, waits=waits)
+    def test_leaf_without_message_runs_only_if_waits_is_set(
+        self, ros: Ros, waits: bool, status: Status
+    ) -> None:
+        leaf = make_leaf(attribute_leaves.RosTopic, "Place", "place", POSE, waits=waits)
         assert run(ros, leaf, lambda: True) is status
 
-    def test_a_field_that_is_none_is_told_before_the_first_tick(self, ros: Ros) -> None:
+    def test_invalid_field_is_reported_in_setup(self, ros: Ros) -> None:
         with pytest.raises(LeafDefinitionError) as raised:
-            made(attribute_leaves.RosTopic, "Place", "place", POSE, field="pose.positon.x").setup(
+            make_leaf(attribute_leaves.RosTopic, "Place", "place", POSE, field="pose.positon.x").setup(
                 node=ros.node()
             )
         assert str(raised.value) == "'Place': there is no field 'pose.positon.x'; did you mean 'position'?"
 
-    def test_a_field_that_a_message_does_not_have_is_a_failure(self, ros: Ros) -> None:
+    def test_field_missing_in_message_fails(self, ros: Ros) -> None:
         from sensor_msgs.msg import BatteryState
 
         publisher = ros.node("source").create_publisher(BatteryState, "battery", 1)
         texts = ("Cells", "battery", "sensor_msgs/msg/BatteryState")
-        leaf = made(
+        leaf = make_leaf(
             attribute_leaves.RosTopic, *texts, field="cell_voltage[2]", value=Output[object](), waits=True
         )
 
@@ -491,7 +489,7 @@ class TestRosTopic:
         said = "'Cells': 'cell_voltage[2]' does not exist: 'cell_voltage' has 1 value"
         assert leaf.feedback_message == said
 
-    def test_the_name_of_the_topic_comes_from_a_key_whenever_the_leaf_is_entered(self, ros: Ros) -> None:
+    def test_topic_name_comes_from_key_on_each_entry(self, ros: Ros) -> None:
         from std_msgs.msg import String
 
         node, scope, said = ros.node("source"), Scope(Board("test")), Output[object]()
@@ -558,12 +556,12 @@ class TestRosTransform:
     def leaf(
         self, target: str = "map", source: str = "camera", **attributes: Any
     ) -> attribute_leaves.RosTransform:
-        leaf: attribute_leaves.RosTransform = made(
+        leaf: attribute_leaves.RosTransform = make_leaf(
             attribute_leaves.RosTransform, "Where", target, source, **attributes
         )
         return leaf
 
-    def test_where_a_frame_is_goes_through_all_between_and_is_written(self, ros: Ros) -> None:
+    def test_pose_across_intermediate_frames_is_written(self, ros: Ros) -> None:
         self.send(ros, ("base_link", "camera", (0.5, 0.0, 0.0)), static=True, ago_sec=1000.0)
         self.send(ros, ("map", "odom", (10.0, 0.0, math.pi / 2)))
         self.send(ros, ("odom", "base_link", (2.0, 1.0, 0.0)))
@@ -574,7 +572,7 @@ class TestRosTransform:
             [9.0, 2.5, 0.0, math.pi / 2, 0.0, 0.0, half, half]
         )
 
-    def test_it_is_told_backwards_and_between_branches_as_well(self, ros: Ros) -> None:
+    def test_inverse_and_sibling_transforms_are_found(self, ros: Ros) -> None:
         self.send(ros, ("base", "left", (0.0, 1.0, math.pi)), ("base", "right", (0.0, -1.0, 0.0)))
         x, y = Output[float](), Output[float]()
         assert run(ros, self.leaf("left", "base", x=x, y=y)) is Status.SUCCESS
@@ -582,7 +580,7 @@ class TestRosTransform:
         assert run(ros, self.leaf("left", "/right", x=x, y=y)) is Status.SUCCESS
         assert (x.value, y.value) == pytest.approx((0.0, 2.0))
 
-    def test_it_runs_until_there_is_one_which_asks_for_a_tick(self, ros: Ros) -> None:
+    def test_leaf_runs_until_transform_arrives_and_wakes_tree(self, ros: Ros) -> None:
         leaf, asked = self.leaf(timeout_sec=1000.0), list[bool]()
         leaf.setup(node=ros.node("mission"), wake=lambda: asked.append(True))
         leaf.tick_once()
@@ -605,7 +603,7 @@ class TestRosTransform:
             (("map", "camera", (math.nan, 0.0, 0.0)), 0.0, "no transform of 'map' and 'camera' has arrived"),
         ],
     )  # fmt: skip
-    def test_after_the_time_out_it_fails_with_the_reason(
+    def test_leaf_fails_with_reason_after_timeout(
         self, ros: Ros, link: Any, ago_sec: float, said: str
     ) -> None:
         self.send(ros, link, ago_sec=ago_sec)
@@ -618,7 +616,7 @@ class TestRosTransform:
         whole = f"'Where': the pose of 'camera' in 'map' is still unknown after 0 s: {said}"
         assert re.fullmatch(whole, leaf.feedback_message)
 
-    def test_frames_that_do_not_hang_together_are_named_by_what_is_above_them(self, ros: Ros) -> None:
+    def test_unconnected_frames_are_reported_with_their_roots(self, ros: Ros) -> None:
         self.send(ros, ("map", "odom", (0.0, 0.0, 0.0)), ("base", "camera", (0.0, 0.0, 0.0)))
         leaf = self.leaf("odom", "camera", timeout_sec=1000.0)
         said = "the frames have different roots, 'base' and 'map', and no transform connects the two roots"
@@ -634,7 +632,7 @@ TREE = """<root BTCPP_format="4"><BehaviorTree ID="Door"><Sequence name="Main" m
 </Sequence></BehaviorTree></root>"""
 
 
-def test_a_tree_of_such_leaves_is_made_by_the_palette_and_says_what_it_uses(tmp_path: Path) -> None:
+def test_palette_builds_tree_of_ros_leaves_with_declared_uses(tmp_path: Path) -> None:
     (tmp_path / "door.xml").write_text(TREE, encoding="utf-8")
     compiled = load(tmp_path / "door.xml", models=["ros:jazzy"]).compile()
     assert sorted((use.kind, use.name) for use in compiled.uses()) == [
@@ -652,7 +650,7 @@ def test_a_tree_of_such_leaves_is_made_by_the_palette_and_says_what_it_uses(tmp_
 
 
 def parameters(spec: Any) -> dict[str, tuple[bool, object]]:
-    """Return what is declared: of each parameter of the constructor whether it is a port that is read, and its default."""
+    """Return for each declared parameter of the constructor whether it is an input port, and its default."""
     return {
         each.keyword or each.name: (each.direction is Direction.INPUT, ... if each.required else each.default)
         for each in spec.parameters.values()
@@ -661,7 +659,7 @@ def parameters(spec: Any) -> dict[str, tuple[bool, object]]:
 
 
 @pytest.mark.parametrize("spec", specs("jazzy"), ids=lambda spec: spec.tag)
-def test_the_constructor_takes_what_is_declared_of_the_leaf(spec: Any) -> None:
+def test_constructor_parameters_match_declaration(spec: Any) -> None:
     takes = list(inspect.signature(spec.cls.__init__).parameters.values())[2:]
     hints = typing.get_type_hints(spec.cls.__init__)
     found = {}
@@ -672,7 +670,7 @@ def test_the_constructor_takes_what_is_declared_of_the_leaf(spec: Any) -> None:
     assert found == parameters(spec)
 
 
-def test_why_quotes_the_error_that_the_result_of_an_aborted_goal_reports(ros: Ros, tmp_path: Path) -> None:
+def test_journal_why_quotes_error_of_aborted_goal(ros: Ros, tmp_path: Path) -> None:
     from nav2_msgs.action import ComputePathToPose
     from rclpy.action import ActionServer
 

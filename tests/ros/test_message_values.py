@@ -1,4 +1,4 @@
-"""Values of messages are held against the definitions of their messages, each with every way in which it can be wrong."""
+"""Tests of checking message values against the definitions of their messages, for every kind of invalid value."""
 
 import math
 from collections.abc import Callable
@@ -31,7 +31,7 @@ def message(kind: str, **fields: Any) -> Any:
 
 
 SHARE = "must be from 0 to 1 (is it in percent? It must be between 0 and 1)"
-# A type, its field, values that it can have, and values that it cannot have with the end of what is said of each.
+# Type, field, valid values, and invalid values with the end of the message for each.
 FIELDS: list[tuple[str, str, list[float], list[tuple[float, str]]]] = [
     ("sensor_msgs/BatteryState", "percentage", [0.0, 0.5, 1.0], [(85.0, SHARE), (-0.5, SHARE), (1.01, SHARE)]),
     ("sensor_msgs/BatteryState", "voltage", [0.0, 24.5], [(-1.0, ""), (24500.0, "(is it in millivolts?)")]),
@@ -59,7 +59,7 @@ def of_type(kind: str, field: str, value: float) -> Any:
 
 
 @pytest.mark.parametrize(("kind", "field", "good", "bad"), FIELDS)
-def test_a_field_has_the_numbers_that_its_message_defines(
+def test_field_accepts_only_values_defined_by_message(
     kind: str, field: str, good: list[float], bad: list[tuple[float, str]]
 ) -> None:
     for value in good:
@@ -71,18 +71,18 @@ def test_a_field_has_the_numbers_that_its_message_defines(
         assert caught.value.problem is ValueProblem.VALUE
 
 
-def test_a_share_that_is_rounded_above_one_is_a_full_battery() -> None:
+def test_share_rounded_above_one_is_full_battery() -> None:
     assert message_values.battery_share(message("sensor_msgs/BatteryState", percentage=1.0000001)) == 1.0
 
 
-def test_a_field_of_a_message_without_a_definition_is_what_it_is() -> None:
+def test_field_without_definition_is_unchanged() -> None:
     assert math.isinf(message_values.read_field(message("std_msgs/Float64", data=math.inf), "data"))
     assert message_values.read_field(message("sensor_msgs/BatteryState", present=True), "present") is True
 
 
-def test_a_range_is_one_that_the_sensor_can_measure() -> None:
+def test_range_must_be_measurable_by_sensor() -> None:
     limits = {"min_range": 0.5, "max_range": 4.0}
-    for value in (0.5, 4.0, math.inf, -math.inf):  # REP 117: nothing was in reach, or something too near
+    for value in (0.5, 4.0, math.inf, -math.inf):  # REP 117: no object in range, or one that is too near
         assert (
             message_values.read_field(message("sensor_msgs/Range", range=value, **limits), "range") == value
         )
@@ -91,7 +91,7 @@ def test_a_range_is_one_that_the_sensor_can_measure() -> None:
             message_values.read_field(message("sensor_msgs/Range", range=value, **limits), "range")
 
 
-def test_rays_outside_the_range_of_a_scanner_are_not_numbers() -> None:
+def test_rays_outside_scanner_range_are_nan() -> None:
     scan = message(
         "sensor_msgs/LaserScan", range_min=0.5, range_max=4.0, ranges=[0.0, 0.5, 9.0, math.inf, math.nan]
     )
@@ -99,7 +99,7 @@ def test_rays_outside_the_range_of_a_scanner_are_not_numbers() -> None:
     assert [None if math.isnan(each) else each for each in read] == [None, 0.5, None, math.inf, None]
 
 
-def test_a_receiver_without_a_fix_knows_no_place() -> None:
+def test_receiver_without_fix_has_no_position() -> None:
     for field in ("latitude", "longitude", "altitude"):
         with pytest.raises(UnusableValueError, match="the receiver has no fix"):
             message_values.read_field(message("sensor_msgs/NavSatFix", status__status=-1), field)
@@ -109,7 +109,7 @@ def test_a_receiver_without_a_fix_knows_no_place() -> None:
     ("first", "said"),
     [(math.nan, "not a number"), (-0.5, "0 or more"), (-1.0, "does not measure"), (math.inf, "finite")],
 )
-def test_a_covariance_has_variances(first: float, said: str) -> None:
+def test_covariance_with_invalid_variance_is_rejected(first: float, said: str) -> None:
     imu = message("sensor_msgs/Imu", orientation_covariance=[first, *[0.0] * 8])
     with pytest.raises(UnusableValueError, match=said):
         message_values.read_field(imu, "orientation_covariance")
@@ -118,7 +118,7 @@ def test_a_covariance_has_variances(first: float, said: str) -> None:
 
 
 @pytest.mark.parametrize("length", [0.0, 0.5, 2.0, math.nan, math.inf])
-def test_a_quaternion_of_another_length_than_one_is_no_rotation(length: float) -> None:
+def test_quaternion_without_unit_length_is_rejected(length: float) -> None:
     pose = message("geometry_msgs/PoseStamped", header__frame_id="map", pose__orientation__w=length)
     with pytest.raises(UnusableValueError, match="the length of the quaternion is"):
         message_values.stamped_pose(pose, "map")
@@ -127,7 +127,7 @@ def test_a_quaternion_of_another_length_than_one_is_no_rotation(length: float) -
 
 
 @pytest.mark.parametrize("number", [*NOT_NUMBERS, 100_001.0, -1e300])
-def test_nothing_is_at_a_position_that_is_none(number: float) -> None:
+def test_invalid_position_is_rejected(number: float) -> None:
     readers: list[tuple[Callable[[], object], str]] = [
         (lambda: message_values.check_position(0.0, number), "not a position|out of range"),
         (lambda: message_values.planar_point(message("geometry_msgs/PointStamped", header__frame_id="map", point__x=number), "map"), "not a position|out of range"),
@@ -145,13 +145,13 @@ def path(number: float) -> Any:
 
 
 @pytest.mark.parametrize("resolution", [0.0, -0.05, math.nan, math.inf])
-def test_a_map_has_cells_of_some_size(resolution: float) -> None:
+def test_map_with_invalid_resolution_is_rejected(resolution: float) -> None:
     with pytest.raises(UnusableValueError, match="the resolution is"):
         message_values.grid_geometry(message("nav_msgs/OccupancyGrid", info__resolution=resolution))
 
 
 @pytest.mark.parametrize("frame", ["robot1/map", "odom", "/map", "Map", "", "map\n"])
-def test_another_frame_than_the_wanted_one_is_named(frame: str) -> None:
+def test_unexpected_frame_is_named(frame: str) -> None:
     for kind, read, subject in (
         ("geometry_msgs/PointStamped", message_values.planar_point, "the point"),
         ("geometry_msgs/PoseStamped", message_values.stamped_pose, "the pose"),
@@ -162,8 +162,8 @@ def test_another_frame_than_the_wanted_one_is_named(frame: str) -> None:
         assert caught.value.problem is ValueProblem.FRAME
 
 
-class At:
-    """A node whose clock stands at a time, and which writes down what is logged."""
+class FixedClockNode:
+    """A node whose clock shows a given time, and which records its log."""
 
     def __init__(self, now_sec: float, *, is_simulated: bool = False) -> None:
         self.now_sec, self.ros_time_is_active = now_sec, is_simulated
@@ -205,11 +205,11 @@ def stamped(seconds: float) -> Any:
         (200.0, 100.0, True, "its stamp is 100.0 s in the future"),
     ],
 )
-def test_a_stamp_that_is_stale_or_of_the_future_is_refused_with_the_likely_cause(
+def test_stale_or_future_stamp_is_rejected_with_likely_cause(
     stamp: float, now: float, is_simulated: bool, said: str
 ) -> None:
     with pytest.raises(UnusableValueError) as caught:
-        message_values.check_stamp(stamped(stamp), At(now, is_simulated=is_simulated), 5.0)
+        message_values.check_stamp(stamped(stamp), FixedClockNode(now, is_simulated=is_simulated), 5.0)
     assert str(caught.value).endswith(said)
     assert "1700000000" not in str(caught.value)
 
@@ -225,16 +225,16 @@ def test_a_stamp_that_is_stale_or_of_the_future_is_refused_with_the_likely_cause
         (120.0, 100.0, True),  # a fast simulation, whose clock comes late
     ],
 )
-def test_a_stamp_of_now_is_used(stamp: float, now: float, is_simulated: bool) -> None:
-    message_values.check_stamp(stamped(stamp), At(now, is_simulated=is_simulated), 5.0)
+def test_plausible_stamp_is_accepted(stamp: float, now: float, is_simulated: bool) -> None:
+    message_values.check_stamp(stamped(stamp), FixedClockNode(now, is_simulated=is_simulated), 5.0)
 
 
-def test_without_a_limit_a_stamp_may_be_old_and_a_message_without_a_header_has_none() -> None:
-    message_values.check_stamp(stamped(1000.0), At(YEARS_SEC))
-    message_values.check_stamp(message("std_msgs/Float64"), At(YEARS_SEC), 5.0)
+def test_old_stamp_without_limit_and_message_without_header_are_accepted() -> None:
+    message_values.check_stamp(stamped(1000.0), FixedClockNode(YEARS_SEC))
+    message_values.check_stamp(message("std_msgs/Float64"), FixedClockNode(YEARS_SEC), 5.0)
 
 
-def test_a_drive_of_which_nothing_is_known_has_nothing_left() -> None:
+def test_remaining_drive_is_none_for_invalid_distance() -> None:
     from nav2_msgs.action import NavigateToPose
 
     feedback = NavigateToPose.Feedback(distance_remaining=2.5)
@@ -245,21 +245,21 @@ def test_a_drive_of_which_nothing_is_known_has_nothing_left() -> None:
 
 
 class TestReports:
-    """`ValueReports` reports once for each source and kind of problem."""
+    """Tests that `ValueReports` reports once for each source and kind of problem."""
 
     @pytest.fixture
-    def node(self) -> At:
-        return At(YEARS_SEC)
+    def node(self) -> FixedClockNode:
+        return FixedClockNode(YEARS_SEC)
 
     @pytest.fixture
-    def clock(self, monkeypatch: pytest.MonkeyPatch) -> At:
-        clock = At(0.0)
+    def clock(self, monkeypatch: pytest.MonkeyPatch) -> FixedClockNode:
+        clock = FixedClockNode(0.0)
         monkeypatch.setattr(message_values, "AWAKE", clock)
-        monkeypatch.setattr(At, "now", lambda self: self.now_sec if self is clock else self)
+        monkeypatch.setattr(FixedClockNode, "now", lambda self: self.now_sec if self is clock else self)
         return clock
 
-    def test_what_is_wrong_is_reported_once_and_again_after_a_minute_without_it(
-        self, node: At, clock: At
+    def test_problem_is_reported_once_and_again_after_minute_without_it(
+        self, node: FixedClockNode, clock: FixedClockNode
     ) -> None:
         reports = ValueReports(node)
 
@@ -278,7 +278,9 @@ class TestReports:
             == f"Topic 'battery': percentage is 85, but {SHARE}. The value is treated as unknown."
         )
 
-    def test_two_kinds_of_problem_and_two_sources_are_reported_apart(self, node: At, clock: At) -> None:
+    def test_problems_are_reported_separately_by_source_and_kind(
+        self, node: FixedClockNode, clock: FixedClockNode
+    ) -> None:
         reports = ValueReports(node)
         for source in ("a", "b"):
             for problem in (ValueProblem.VALUE, ValueProblem.FRAME, ValueProblem.FUTURE):
@@ -286,7 +288,9 @@ class TestReports:
                     reports.report_problem(source, UnusableValueError(problem.value, problem))
         assert len(node.lines) == 6
 
-    def test_a_stale_stamp_is_reported_when_it_stays(self, node: At, clock: At) -> None:
+    def test_stale_stamp_is_reported_if_it_persists(
+        self, node: FixedClockNode, clock: FixedClockNode
+    ) -> None:
         reports = ValueReports(node)
         stale = UnusableValueError("old", ValueProblem.STALE)
         reports.report_problem("a", stale)

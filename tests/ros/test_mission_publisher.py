@@ -1,4 +1,4 @@
-"""What other ROS nodes see of a mission."""
+"""Tests of the mission publisher, as other ROS nodes see it."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -21,7 +21,7 @@ ZONE = {"kind": "zone", "name": "zone_a", "x": 1.0, "y": 2.0, "state": "visited"
 
 
 class Witness:
-    """Another node, which may come late."""
+    """Another node, which may subscribe late."""
 
     def __init__(self, ros):
         self._ros = ros
@@ -37,7 +37,7 @@ class Witness:
         return seen
 
     def latched(self, kind, topic):
-        """Come late; return what is there."""
+        """Subscribe late; return the latched message."""
         seen = self.listen(kind, topic, latched=True)
         self._ros.spin_until(lambda: seen, topic)
         return seen[-1]
@@ -50,7 +50,7 @@ def witness(ros):
 
 @pytest.fixture
 def publish(ros, tmp_path):
-    """Publish what becomes of a tree; return what ticks it and the publisher."""
+    """Return a function that publishes a tree, and returns its runner and publisher."""
     from sar_compiler.ros.mission_publisher import MissionPublisher
 
     runners = []
@@ -81,7 +81,7 @@ def entry(kind, **data):
     return JournalEntry(1, 1, 0.0, 0.0, kind, data)
 
 
-def test_the_log_has_the_changes_of_each_tick_as_nav2_writes_them(publish, witness, ros):
+def test_tree_log_has_changes_of_each_tick_in_nav2_format(publish, witness, ros):
     from nav2_msgs.msg import BehaviorTreeLog
 
     log = witness.listen(BehaviorTreeLog, "/robot1/behavior_tree_log")
@@ -108,7 +108,7 @@ def test_the_log_has_the_changes_of_each_tick_as_nav2_writes_them(publish, witne
     ]
 
 
-def test_who_comes_late_sees_the_tree_and_its_state(publish, witness):
+def test_late_subscriber_receives_tree_and_state(publish, witness):
     from nav2_msgs.msg import BehaviorTreeLog
     from std_msgs.msg import String
 
@@ -116,7 +116,7 @@ def test_who_comes_late_sees_the_tree_and_its_state(publish, witness):
         '<Sequence name="both"><Queue name="one" answers="S"/><Queue name="two" answers="R"/></Sequence>'
     )
     runner.tick()
-    root = ET.fromstring(witness.latched(String, "/robot1/mission/tree").data)  # noqa: S314 - it is ours
+    root = ET.fromstring(witness.latched(String, "/robot1/mission/tree").data)  # noqa: S314 - our own document
     assert {each.get("name"): each.get("_uid") for each in root.iter() if each.get("_uid")} == {
         "both": "1",
         "one": "2",
@@ -133,9 +133,7 @@ def test_who_comes_late_sees_the_tree_and_its_state(publish, witness):
 @pytest.mark.parametrize(
     ("answers", "level", "words"), [("R", b"\x00", "one: under way"), ("F", b"\x02", "FAILURE")]
 )
-def test_diagnostics_say_what_is_done_and_whether_the_tree_has_failed(
-    answers, level, words, publish, witness, ros
-):
+def test_diagnostics_show_current_leaf_and_failure(answers, level, words, publish, witness, ros):
     from diagnostic_msgs.msg import DiagnosticArray
 
     seen = witness.listen(DiagnosticArray, "/diagnostics")
@@ -157,7 +155,7 @@ def test_diagnostics_say_what_is_done_and_whether_the_tree_has_failed(
     }
 
 
-def test_diagnostics_warn_of_alarms_until_they_are_over(publish, witness, ros):
+def test_diagnostics_show_only_alarms_that_are_not_over(publish, witness, ros):
     from diagnostic_msgs.msg import DiagnosticArray
 
     seen = witness.listen(DiagnosticArray, "/diagnostics")
@@ -175,7 +173,7 @@ def test_diagnostics_warn_of_alarms_until_they_are_over(publish, witness, ros):
     )
 
 
-def test_markers_show_landmarks_and_the_plan(publish, witness):
+def test_markers_show_landmarks_and_plan(publish, witness):
     from visualization_msgs.msg import Marker, MarkerArray
 
     runner, publisher = publish('<Queue answers="R"/>')
@@ -197,7 +195,7 @@ def test_markers_show_landmarks_and_the_plan(publish, witness):
     assert {marker.header.frame_id for marker in (form, text, plan)} == {"map"}
 
 
-def test_who_comes_late_is_not_shown_an_earlier_state(publish, witness, ros):
+def test_late_subscriber_receives_only_latest_markers(publish, witness, ros):
     from visualization_msgs.msg import MarkerArray
 
     runner, publisher = publish('<Queue answers="R"/>')
@@ -210,7 +208,7 @@ def test_who_comes_late_is_not_shown_an_earlier_state(publish, witness, ros):
 
 
 @pytest.mark.parametrize("points", [[], [[0.0, 0.0]], [[0.0, 0.0], [float("inf"), 0.0]]])
-def test_a_plan_that_is_no_line_has_no_marker(points, publish, witness):
+def test_plan_without_two_valid_points_has_no_marker(points, publish, witness):
     from visualization_msgs.msg import MarkerArray
 
     runner, publisher = publish('<Queue answers="R"/>')
@@ -219,7 +217,7 @@ def test_a_plan_that_is_no_line_has_no_marker(points, publish, witness):
     assert len(witness.latched(MarkerArray, "/robot1/mission/markers").markers) == 1
 
 
-def test_an_area_is_shown_by_its_outline(publish, witness):
+def test_area_is_shown_as_outline(publish, witness):
     from visualization_msgs.msg import Marker, MarkerArray
 
     runner, publisher = publish('<Queue answers="R"/>')
@@ -232,7 +230,7 @@ def test_an_area_is_shown_by_its_outline(publish, witness):
     assert [[point.x, point.y] for point in outline.points] == [*corners, corners[0]]
 
 
-def test_markers_are_published_again_when_what_they_show_has_changed(publish, monkeypatch):
+def test_markers_are_published_again_only_if_their_content_changed(publish, monkeypatch):
     runner, publisher = publish('<Queue answers="R"/>')
     published: list[object] = []
     monkeypatch.setattr(publisher, "_markers", SimpleNamespace(publish=published.append))
@@ -243,7 +241,7 @@ def test_markers_are_published_again_when_what_they_show_has_changed(publish, mo
         assert len(published) == times, kind
 
 
-def test_the_end_waits_for_the_readers_of_the_last_messages_no_longer_than_a_second(publish, monkeypatch):
+def test_end_waits_at_most_one_second_for_readers_of_last_messages(publish, monkeypatch):
     from rclpy.publisher import Publisher
 
     waited = {}
@@ -261,7 +259,7 @@ def test_the_end_waits_for_the_readers_of_the_last_messages_no_longer_than_a_sec
     assert all(0.0 <= seconds <= 1.0 for seconds in waited.values())
 
 
-def test_a_mission_that_cannot_be_shown_flies_on(publish, said, monkeypatch):
+def test_mission_continues_if_publishing_fails(publish, said, monkeypatch):
     def broken():
         message = "no map"
         raise LookupError(message)

@@ -1,4 +1,4 @@
-"""A mission in an MCAP file, read back by somebody else's reader."""
+"""Tests of recording a mission in an MCAP file, read back by an independent reader."""
 
 import io
 import re
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.ros
 
 
 def read(path):
-    """Return the messages of a recording, by topic, decoded by the definitions that it has in it."""
+    """Return the messages of a recording by topic, decoded by the definitions in the file."""
     from rosbags.highlevel import AnyReader
 
     found: dict[str, list[Any]] = {}
@@ -47,7 +47,7 @@ def tree(tmp_path):
 
 @pytest.fixture
 def record(ros, tree, tmp_path):
-    """Record a tree that is ticked; return the recording, what ticks the tree, and its node."""
+    """Return the recording of a tree, the tree's runner, and its node."""
     from sar_compiler.ros.mission_recording import MissionRecording
 
     node, runner = ros.node("mission", namespace="/robot1"), TreeRunner(tree)
@@ -58,7 +58,7 @@ def record(ros, tree, tmp_path):
     runner.shutdown()
 
 
-def test_the_trees_log_and_the_missions_are_read_back(record, tmp_path):
+def test_tree_log_and_mission_log_are_read_back(record, tmp_path):
     recording, runner, _ = record
     runner.tick()
     recording.on_entry(JournalEntry(1, 1, 1e9 + 0.5, 0.0, "zone_visited", {"zone": "zone_a"}))
@@ -84,7 +84,7 @@ def test_the_trees_log_and_the_missions_are_read_back(record, tmp_path):
     assert (said.stamp.sec, said.stamp.nanosec) == (10**9, 5 * 10**8)
 
 
-def test_topics_of_the_mission_are_recorded_as_they_come(record, ros, tmp_path):
+def test_mission_topics_are_recorded(record, ros, tmp_path):
     from geometry_msgs.msg import Twist, TwistStamped
     from nav2_msgs.action import NavigateToPose
     from sensor_msgs.msg import LaserScan
@@ -99,7 +99,7 @@ def test_topics_of_the_mission_are_recorded_as_they_come(record, ros, tmp_path):
     }
     sent["cmd_vel"].linear.x = 0.5
     publishers = {name: node.create_publisher(type(message), name, 10) for name, message in sent.items()}
-    # Somebody else means something else by it.
+    # Another node publishes another type on this name.
     node.create_publisher(TwistStamped, "plan", 10)
     ros.spin_until(lambda: all(each.get_subscription_count() for each in publishers.values()), "the recorder")
     for name, message in sent.items():
@@ -113,7 +113,7 @@ def test_topics_of_the_mission_are_recorded_as_they_come(record, ros, tmp_path):
     assert found["/robot1/navigate_to_pose/_action/feedback"][0].feedback.distance_remaining == 2.5
 
 
-def test_topics_are_played_as_they_were_published(record, ros, tmp_path):
+def test_recorded_topics_keep_their_qos(record, ros, tmp_path):
     from nav_msgs.msg import OccupancyGrid
     from rclpy.qos import DurabilityPolicy, QoSProfile
     from rosbags.highlevel import AnyReader
@@ -143,13 +143,13 @@ def test_topics_are_played_as_they_were_published(record, ros, tmp_path):
     }
 
 
-def test_a_topic_that_cannot_be_listened_to_is_told_of_and_the_others_are_recorded(make_ros, ros, tmp_path):
+def test_failing_subscription_is_reported_and_other_topics_are_recorded(make_ros, ros, tmp_path):
     from geometry_msgs.msg import Twist, TwistStamped
     from sensor_msgs.msg import LaserScan
 
     from sar_compiler.ros.mission_recording import McapRecorder
 
-    # A process cannot listen to one type where it publishes another one.
+    # A process cannot subscribe to a topic with a type other than the one that it publishes.
     node = ros.node("mission")
     node.create_publisher(Twist, "cmd_vel", 10)
     make_ros().node("other").create_publisher(TwistStamped, "cmd_vel", 10)
@@ -165,7 +165,7 @@ def test_a_topic_that_cannot_be_listened_to_is_told_of_and_the_others_are_record
     assert complaint.startswith("/cmd_vel is not recorded: RCLError: ")
 
 
-def test_what_is_there_is_not_written_over(tmp_path):
+def test_existing_file_is_not_overwritten(tmp_path):
     from sar_compiler.ros.mission_recording import McapRecorder, RecordingError
 
     path = tmp_path / "run.mcap"
@@ -175,14 +175,14 @@ def test_what_is_there_is_not_written_over(tmp_path):
     assert path.read_text() == "somebody's"
 
 
-def test_a_recording_in_which_nothing_came_leaves_no_file(tmp_path):
+def test_empty_recording_leaves_no_file(tmp_path):
     from sar_compiler.ros.mission_recording import McapRecorder
 
     McapRecorder.create(tmp_path / "run.mcap", print).close()
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_was_recorded_is_on_the_disk_soon_before_the_recording_is_over(tmp_path):
+def test_messages_are_on_disk_before_recording_ends(tmp_path):
     from mcap.exceptions import McapError
     from mcap.reader import NonSeekingReader
     from std_msgs.msg import String
@@ -203,7 +203,7 @@ def test_what_was_recorded_is_on_the_disk_soon_before_the_recording_is_over(tmp_
     recorder.close()
 
 
-def test_a_run_that_never_began_leaves_no_file(ros, tree, tmp_path):
+def test_run_that_never_began_leaves_no_file(ros, tree, tmp_path):
     from sar_compiler.ros.mission_recording import MissionRecording
 
     path = tmp_path / "run.mcap"
@@ -214,7 +214,7 @@ def test_a_run_that_never_began_leaves_no_file(ros, tree, tmp_path):
     assert not path.exists()
 
 
-def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(tmp_path):
+def test_full_disk_ends_recording_and_is_reported(tmp_path):
     from std_msgs.msg import String
 
     from sar_compiler.ros.mission_recording import McapRecorder
@@ -231,7 +231,7 @@ def test_a_disk_that_is_full_ends_the_recording_and_nothing_else(tmp_path):
 
 
 class Disk(io.BytesIO):
-    """A disk that takes nothing until it may."""
+    """A file that blocks each write until `may` is set."""
 
     def __init__(self):
         super().__init__()
@@ -249,7 +249,7 @@ def disk():
     made.may.set()
 
 
-def test_a_disk_that_is_too_slow_ends_the_recording_before_the_memory_is_full(disk, tmp_path, monkeypatch):
+def test_slow_disk_ends_recording_before_memory_is_full(disk, tmp_path, monkeypatch):
     from std_msgs.msg import String
 
     from sar_compiler.ros import mission_recording
@@ -266,7 +266,7 @@ def test_a_disk_that_is_too_slow_ends_the_recording_before_the_memory_is_full(di
     ]
 
 
-def test_a_disk_that_takes_nothing_does_not_hold_up_the_end(disk, tmp_path, monkeypatch):
+def test_blocked_disk_does_not_delay_end(disk, tmp_path, monkeypatch):
     from std_msgs.msg import String
 
     from sar_compiler.ros import mission_recording
@@ -280,7 +280,7 @@ def test_a_disk_that_takes_nothing_does_not_hold_up_the_end(disk, tmp_path, monk
     assert said == [f"The recording {path} is incomplete, because the disk does not accept more data."]
 
 
-def test_the_definition_of_every_message_that_is_recorded_is_understood():
+def test_definitions_of_recorded_messages_match_jazzy():
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     from sar_compiler.ros.leaves.leaf import interface_name
@@ -294,11 +294,11 @@ def test_the_definition_of_every_message_that_is_recorded_is_understood():
             assert all(fields[1] == jazzy.fielddefs[name][1] for name, fields in known.items()), kind
 
 
-def test_the_launch_file_records_the_same():
+def test_launch_file_records_same_topics():
     from sar_compiler.ros.mission_recording import RECORDED
 
     launched = {*FILE.constant("RECORDED"), *FILE.constant("RECORDED_GLOBALLY")}  # type: ignore[misc]
-    # A bag has them as they are published; the run writes them itself.
+    # A bag records these from their topics; the run writes them itself.
     launched -= {"behavior_tree_log", "search_and_rescue/tree"}
     named = {name.replace("~", "search_and_rescue").removeprefix("/") for name in RECORDED}
     assert named == {name.removeprefix("/") for name in launched}

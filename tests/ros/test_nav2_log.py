@@ -1,4 +1,4 @@
-"""Which lines of `/rosout` explain why Nav2 has ended a goal."""
+"""Tests of finding the lines of `/rosout` that explain why Nav2 has ended a goal."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ OLD = "Transform data too old when converting from map to odom"
 WARN, ERROR, INFO = 30, 40, 20
 
 
-def heard(node: Any, *lines: tuple[int, str, str]) -> Nav2Log:
-    """Return a log that has heard some lines: level, logger and text."""
+def log_with_lines(node: Any, *lines: tuple[int, str, str]) -> Nav2Log:
+    """Return a log that has received some lines: level, logger and text."""
     from rcl_interfaces.msg import Log
 
     from sar_compiler.ros.nav2_log import nav2_log
@@ -77,34 +77,34 @@ def heard(node: Any, *lines: tuple[int, str, str]) -> Nav2Log:
         ),
     ],
 )
-def test_the_line_that_explains_an_abort_is_quoted_before_others(
+def test_line_that_explains_abort_is_quoted_before_others(
     ros: Ros, lines: list[tuple[int, str, str]], quoted: str
 ) -> None:
-    assert heard(ros.node(), *lines).quote() == quoted
+    assert log_with_lines(ros.node(), *lines).quote() == quoted
 
 
 class Recording:
-    """What a real Nav2 has logged, heard by a node with the times of the run."""
+    """The log of a real Nav2, received by a node at the times of the run."""
 
     def __init__(self, ros: Ros, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
         self._now = 0.0
         monkeypatch.setattr("sar_compiler.ros.nav2_log.time.monotonic", lambda: self._now)
         self._node = ros.node("search_and_rescue")
-        self.log = heard(self._node)
+        self.log = log_with_lines(self._node)
         text = (RECORDED / f"rosout_{name}.txt").read_text(encoding="utf-8")
         recorded = [line for line in text.splitlines() if not line.startswith("#")]
         self.aborts = [float(line.split()[0]) for line in recorded if line.endswith(" aborted")]
         self._lines = [line.split(maxsplit=3) for line in recorded if not line.endswith(" aborted")]
 
     def hear_until(self, end: float) -> None:
-        """Hear what was logged until a time."""
+        """Receive the lines that were logged until a time."""
         while self._lines and float(self._lines[0][0]) <= end:
             at, level, name, text = self._lines.pop(0)
             self._now = float(at)
-            heard(self._node, (int(level), name.removesuffix(":"), text))
+            log_with_lines(self._node, (int(level), name.removesuffix(":"), text))
 
     def hear_all(self) -> None:
-        """Hear everything, and let it be long ago."""
+        """Receive all lines, and advance the clock by a minute."""
         self.hear_until(float("inf"))
         self._now += 60.0
 
@@ -119,7 +119,7 @@ class Recording:
         ("starved_controller", [[LATE], [LATE, LOST], [LATE]]),
     ],
 )
-def test_each_abort_of_a_real_run_is_explained_by_the_server_that_was_late(
+def test_aborts_of_recorded_run_are_explained_by_late_server(
     ros: Ros, monkeypatch: pytest.MonkeyPatch, name: str, quoted: list[list[str]]
 ) -> None:
     recording = Recording(ros, monkeypatch, name)
@@ -146,7 +146,7 @@ def test_each_abort_of_a_real_run_is_explained_by_the_server_that_was_late(
         ("starved_controller", "", "", ""),
     ],
 )
-def test_the_node_for_which_the_lifecycle_manager_waits_is_known_from_its_lines(
+def test_node_awaited_by_lifecycle_manager_is_read_from_log(
     ros: Ros, monkeypatch: pytest.MonkeyPatch, name: str, awaited: str, failed: str, quoted: str
 ) -> None:
     recording = Recording(ros, monkeypatch, name)
@@ -157,7 +157,7 @@ def test_the_node_for_which_the_lifecycle_manager_waits_is_known_from_its_lines(
         assert said.startswith(f'{awaited}: "{quoted}') if quoted else said == ""
 
 
-def test_a_node_that_the_lifecycle_manager_has_named_just_now_may_still_be_discovered(
+def test_node_named_just_now_is_not_yet_reported_as_awaited(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording = Recording(ros, monkeypatch, "start_planner_died")
@@ -165,36 +165,38 @@ def test_a_node_that_the_lifecycle_manager_has_named_just_now_may_still_be_disco
     assert recording.log.awaited_node() == ""
 
 
-def test_lines_of_before_the_end_of_the_goal_do_not_count(ros: Ros) -> None:
+def test_lines_before_goal_end_are_ignored(ros: Ros) -> None:
     import time
 
-    log = heard(ros.node(), (WARN, CLIENT, LATE))
+    log = log_with_lines(ros.node(), (WARN, CLIENT, LATE))
     assert log.quote(since=time.monotonic()) == ""
 
 
-def test_in_a_namespace_the_lines_of_its_own_nav2_count(ros: Ros) -> None:
+def test_lines_of_nav2_in_own_namespace_are_quoted(ros: Ros) -> None:
     node = ros.node("mission", namespace="/tb1")
     lines = ((ERROR, f"{name}.controller_server", f"No pose of {name}") for name in ("tb2", "tb1"))
-    log = heard(node, *lines, (ERROR, "controller_server", "No pose of another"), (ERROR, "tf_help", OLD))
+    log = log_with_lines(
+        node, *lines, (ERROR, "controller_server", "No pose of another"), (ERROR, "tf_help", OLD)
+    )
     assert log.quote() == f'controller_server: "No pose of tb1"; tf_help: "{OLD}"'
 
 
-def test_another_robot_in_a_namespace_is_not_heard(ros: Ros) -> None:
+def test_lines_of_robot_in_other_namespace_are_ignored(ros: Ros) -> None:
     ros.node("bt_navigator", namespace="/tb1")
     node = ros.node()
     ros.spin_until(lambda: "bt_navigator" in node.get_node_names(), "the other robot")
-    log = heard(
+    log = log_with_lines(
         node, (ERROR, "tb1.controller_server", "No pose of tb1"), (ERROR, "local_costmap.local_costmap", OLD)
     )
     assert log.quote() == f'local_costmap.local_costmap: "{OLD}"'
 
 
-def test_the_node_whose_change_of_state_has_failed_last_is_known_from_the_lifecycle_manager(ros: Ros) -> None:
+def test_failed_state_change_is_read_from_navigation_manager_log(ros: Ros) -> None:
     manager = "lifecycle_manager_navigation"
     lines = (
         (ERROR, manager, "Failed to change state for node: planner_server. Exception: timed out."),
         (ERROR, manager, "Failed to bring up all requested nodes. Aborting bringup."),
         (ERROR, "lifecycle_manager_localization", "Failed to change state for node: amcl"),
     )
-    assert heard(ros.node(), *lines).failed_change() == "planner_server"
-    assert heard(ros.node("other")).failed_change() == ""
+    assert log_with_lines(ros.node(), *lines).failed_change() == "planner_server"
+    assert log_with_lines(ros.node("other")).failed_change() == ""

@@ -1,4 +1,4 @@
-"""The parameters of Nav2's nodes, as their parameter services have them."""
+"""Tests of reading the parameters of Nav2's nodes from their parameter services."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def nav2_node(ros: Ros, name: str, **values: Any) -> Any:
     return node
 
 
-def asked(ros: Ros, node: Any) -> Nav2Parameters:
-    """Ask until all nodes have answered, of which at least one is there."""
+def query_parameters(ros: Ros, node: Any) -> Nav2Parameters:
+    """Query until all nodes have responded; at least one must exist."""
     from sar_compiler.ros.nav2_parameters import nav2_parameters
 
     parameters = nav2_parameters(node)
@@ -33,22 +33,22 @@ def asked(ros: Ros, node: Any) -> Nav2Parameters:
     return parameters
 
 
-def test_time_outs_that_abort_goals_are_named_with_the_line_to_write(ros: Ros) -> None:
+def test_short_timeouts_are_named_with_remedy(ros: Ros) -> None:
     nav2_node(ros, "bt_navigator", default_server_timeout=20, wait_for_service_timeout=499, other=1)
-    assert asked(ros, ros.node()).advice() == [
+    assert query_parameters(ros, ros.node()).advice() == [
         f"{key} of bt_navigator is {value} ms. So bt_navigator aborts a goal if another Nav2 node takes longer than that to respond. "
         f"Write `{key}: 1000` under `bt_navigator: ros__parameters:` {FILE}"
         for key, value in (("default_server_timeout", 20), ("wait_for_service_timeout", 499))
     ]
 
 
-def test_time_outs_of_half_a_second_and_no_time_outs_at_all_are_no_matter(ros: Ros) -> None:
+def test_timeouts_of_half_second_and_missing_timeouts_have_no_advice(ros: Ros) -> None:
     nav2_node(ros, "bt_navigator", default_server_timeout=500)
     nav2_node(ros, "controller_server")
-    assert asked(ros, ros.node()).advice() == []
+    assert query_parameters(ros, ros.node()).advice() == []
 
 
-def test_the_shipped_parameter_file_is_taken_without_advice(ros: Ros) -> None:
+def test_shipped_parameter_file_has_no_advice(ros: Ros) -> None:
     from sar_compiler import resources
     from sar_compiler.missions.parameter_file import read_parameter_file
 
@@ -59,9 +59,9 @@ def test_the_shipped_parameter_file_is_taken_without_advice(ros: Ros) -> None:
         for key, value in values.items():
             node.declare_parameter(key, value)
     mission = ros.node()
-    has_robot(ros, mission, "TwistStamped")
-    odometry(ros, mission, "odometry/filtered")
-    assert asked(ros, mission).advice() == []
+    add_robot_base(ros, mission, "TwistStamped")
+    publish_odometry(ros, mission, "odometry/filtered")
+    assert query_parameters(ros, mission).advice() == []
 
 
 @pytest.mark.parametrize(
@@ -77,14 +77,14 @@ def test_the_shipped_parameter_file_is_taken_without_advice(ros: Ros) -> None:
         ({}, 0.25),
     ],
 )
-def test_the_tolerance_of_a_goal_is_that_of_the_goal_checkers_in_use(
+def test_goal_tolerance_is_read_from_active_goal_checkers(
     ros: Ros, values: dict[str, Any], tolerance: float
 ) -> None:
     nav2_node(ros, "controller_server", **values)
-    assert asked(ros, ros.node()).goal_tolerance == tolerance
+    assert query_parameters(ros, ros.node()).goal_tolerance == tolerance
 
 
-def test_without_nav2_nothing_is_waited_for(ros: Ros) -> None:
+def test_nothing_is_awaited_without_nav2(ros: Ros) -> None:
     from sar_compiler.ros.nav2_parameters import nav2_parameters
 
     parameters = nav2_parameters(ros.node())
@@ -92,18 +92,18 @@ def test_without_nav2_nothing_is_waited_for(ros: Ros) -> None:
     assert (parameters.goal_tolerance, parameters.advice()) == (0.25, [])
 
 
-def test_a_node_that_does_not_answer_is_given_up(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unresponsive_node_is_given_up(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     from sar_compiler.ros import nav2_parameters as module
 
     monkeypatch.setattr(module, "_RESPONSE_SEC", 0.3)
     frozen = nav2_node(ros, "bt_navigator", default_server_timeout=20)
     ros.executor.remove_node(frozen)
-    assert asked(ros, ros.node()).advice() == []
+    assert query_parameters(ros, ros.node()).advice() == []
     frozen.destroy_node()
 
 
-def has_robot(ros: Ros, mission: Any, kind: str) -> None:
-    """Make a robot's base that takes velocity commands of a type."""
+def add_robot_base(ros: Ros, mission: Any, kind: str) -> None:
+    """Make a robot's base that subscribes to velocity commands of a type."""
     import geometry_msgs.msg
 
     base = ros.node("base")
@@ -111,7 +111,7 @@ def has_robot(ros: Ros, mission: Any, kind: str) -> None:
     ros.spin_until(lambda: mission.count_subscribers("cmd_vel"), "the robot")
 
 
-def odometry(ros: Ros, mission: Any, topic: str) -> None:
+def publish_odometry(ros: Ros, mission: Any, topic: str) -> None:
     """Make a node that publishes odometry on a topic."""
     from nav_msgs.msg import Odometry
 
@@ -123,14 +123,12 @@ def odometry(ros: Ros, mission: Any, topic: str) -> None:
     ("kind", "is_stamped", "line"),
     [("TwistStamped", False, "true"), ("Twist", True, "false")],
 )
-def test_velocity_commands_of_another_type_than_the_robots_are_named(
-    ros: Ros, kind: str, is_stamped: bool, line: str
-) -> None:
+def test_mismatched_velocity_command_type_is_named(ros: Ros, kind: str, is_stamped: bool, line: str) -> None:
     nav2_node(ros, "controller_server", enable_stamped_cmd_vel=not is_stamped)
     nav2_node(ros, "behavior_server", enable_stamped_cmd_vel=is_stamped)
     mission = ros.node()
-    has_robot(ros, mission, kind)
-    assert asked(ros, mission).advice() == [
+    add_robot_base(ros, mission, kind)
+    assert query_parameters(ros, mission).advice() == [
         (
             f"the robot accepts {kind} on cmd_vel, but behavior_server sends the other type. "
             f"Write `enable_stamped_cmd_vel: {line}` under `behavior_server: ros__parameters:` {FILE}"
@@ -138,11 +136,11 @@ def test_velocity_commands_of_another_type_than_the_robots_are_named(
     ]
 
 
-def test_odometry_that_only_the_mission_finds_is_named_with_the_line_to_write(ros: Ros) -> None:
+def test_odometry_missing_for_nav2_is_named_with_parameter(ros: Ros) -> None:
     nav2_node(ros, "bt_navigator", odom_topic="odom")
     mission = ros.node()
-    odometry(ros, mission, "odometry/filtered")
-    assert asked(ros, mission).advice() == [
+    publish_odometry(ros, mission, "odometry/filtered")
+    assert query_parameters(ros, mission).advice() == [
         (
             "bt_navigator reads odometry from /odom, but no node publishes on this topic. "
             f"Write `odom_topic: odometry/filtered` under `bt_navigator: ros__parameters:` {FILE}"
@@ -150,12 +148,12 @@ def test_odometry_that_only_the_mission_finds_is_named_with_the_line_to_write(ro
     ]
 
 
-def test_odometry_that_only_nav2_finds_is_named_with_the_remapping(ros: Ros) -> None:
+def test_odometry_missing_for_mission_is_named_with_remapping(ros: Ros) -> None:
     nav2_node(ros, "bt_navigator", odom_topic="odom")
     nav2_node(ros, "controller_server", odom_topic="odom")
     mission = ros.node()
-    odometry(ros, mission, "odom")
-    assert asked(ros, mission).advice() == [
+    publish_odometry(ros, mission, "odom")
+    assert query_parameters(ros, mission).advice() == [
         (
             "no node publishes on /odometry/filtered, and bt_navigator reads odometry from /odom. "
             "Add `--ros-args -r odometry/filtered:=odom` to the command"
@@ -163,7 +161,7 @@ def test_odometry_that_only_nav2_finds_is_named_with_the_remapping(ros: Ros) -> 
     ]
 
 
-def test_the_wait_before_the_first_tick_asks_for_them(ros: Ros) -> None:
+def test_startup_wait_requests_parameters(ros: Ros) -> None:
     from sar_compiler.nodes.spec import Use
     from sar_compiler.ros.nav2_parameters import nav2_parameters
     from tests.ros.test_readiness import FakeNav2, readiness, wait

@@ -1,4 +1,4 @@
-"""The watched clock of a node, without ROS."""
+"""Tests of the monitored clock of a node, without ROS."""
 
 import time
 from types import SimpleNamespace
@@ -9,7 +9,7 @@ from sar_compiler.ros.clock import ClockedTime, NodeTime, deadline_clock, deadli
 
 
 class Bench:
-    """A node whose clock, and a machine whose clock, stand still until they are moved."""
+    """The clock of a node and the clock of the machine, both of which the test advances."""
 
     def __init__(self, monkeypatch, ros_sec=100.0, simulated=True):
         self.steady_sec, self.ros_sec = 7.0, ros_sec
@@ -30,7 +30,7 @@ class Bench:
         return ClockedTime(self.node())
 
     def passes(self, counted, steady_sec, ros_sec, steps=100):
-        """Return what the time counts while both clocks go on in small steps."""
+        """Return the counted time while both clocks advance in small steps."""
         before = counted.now()
         for _ in range(steps):
             self.steady_sec += steady_sec / steps
@@ -45,25 +45,25 @@ def bench(monkeypatch):
 
 
 @pytest.mark.parametrize("speed", [0.01, 1.0, 20.0, 150.0])
-def test_simulated_time_is_counted_as_it_comes_however_slow_or_fast(bench, speed):
+def test_simulated_time_is_counted_at_any_speed(bench, speed):
     counted = bench.node_time()
     assert bench.passes(counted, 60.0, 60.0 * speed) == pytest.approx(60.0 * speed)
     assert bench.said == []
 
 
-def test_a_clock_that_stands_still_for_less_than_the_patience_counts_nothing(bench):
+def test_short_clock_standstill_is_not_counted(bench):
     counted = bench.node_time()
     assert bench.passes(counted, 9.9, 0.0) == 0.0
     assert bench.said == []
 
 
-def test_after_that_the_machines_time_counts_from_the_last_advance_on(bench):
+def test_machine_time_is_counted_from_last_advance_after_long_standstill(bench):
     counted = bench.node_time()
     assert bench.passes(counted, 15.0, 0.0) == pytest.approx(15.0)
     assert [line[:37] for line in bench.said] == ["The clock has stood still for 10 s (i"]
 
 
-def test_a_clock_that_goes_on_is_counted_again_and_nothing_twice(bench):
+def test_clock_that_advances_again_is_counted_without_duplicates(bench):
     counted = bench.node_time()
     bench.passes(counted, 15.0, 0.0)
     assert bench.passes(counted, 5.0, 5.0) == pytest.approx(5.0)
@@ -71,7 +71,7 @@ def test_a_clock_that_goes_on_is_counted_again_and_nothing_twice(bench):
 
 
 @pytest.mark.parametrize(("jump", "which"), [(5000.0, "forward by 5000.5 s"), (-90.0, "back by 89.5 s")])
-def test_a_jump_counts_as_the_machines_time_and_is_said(bench, jump, which):
+def test_clock_jump_counts_as_machine_time_and_is_logged(bench, jump, which):
     counted = bench.node_time()
     assert bench.passes(counted, 0.5, 0.5 + jump, steps=1) == pytest.approx(0.5)
     assert bench.said == [
@@ -79,27 +79,27 @@ def test_a_jump_counts_as_the_machines_time_and_is_said(bench, jump, which):
     ]
 
 
-def test_the_first_time_that_comes_is_no_jump(monkeypatch):
+def test_first_time_is_not_a_jump(monkeypatch):
     bench = Bench(monkeypatch, ros_sec=0.0)
     counted = bench.node_time()
     assert bench.passes(counted, 2.0, 1.7e9, steps=1) == pytest.approx(2.0)
     assert bench.said == []
 
 
-def test_without_simulated_time_the_steady_clock_counts_whoever_sets_the_systems(monkeypatch):
+def test_steady_clock_is_counted_without_simulated_time(monkeypatch):
     bench = Bench(monkeypatch, simulated=False)
     counted = bench.node_time()
     assert bench.passes(counted, 3.0, 3600.0) == pytest.approx(3.0)
     assert bench.said == []
 
 
-def test_a_limit_to_its_speed_cuts_off_what_exceeds_it(bench):
+def test_speed_limit_caps_counted_time(bench):
     counted = bench.node_time(fastest=10.0)
     assert bench.passes(counted, 2.0, 100.0) == pytest.approx(20.0)
     assert bench.passes(counted, 2.0, 8.0) == pytest.approx(8.0)
 
 
-def test_a_deadline_is_no_faster_than_the_network_unless_who_simulates_waits_for_those_that_it_answers(bench):
+def test_deadline_clock_is_capped_unless_simulation_is_trusted(bench):
     foreign, own = bench.node(), bench.node()
     trust_simulation(own)
     assert bench.passes(deadline_clock(foreign), 2.0, 100.0) == pytest.approx(20.0)
@@ -107,7 +107,7 @@ def test_a_deadline_is_no_faster_than_the_network_unless_who_simulates_waits_for
 
 
 @pytest.mark.ros
-def test_a_mission_is_watched_by_simulated_time_only_where_that_is_trusted(bench):
+def test_deadline_timer_uses_simulated_time_only_if_trusted(bench):
     made = []
     create = {"create_timer": lambda _period, _call, clock="its own": made.append(clock)}
     foreign, own = bench.node(**create), bench.node(**create)
@@ -119,7 +119,7 @@ def test_a_mission_is_watched_by_simulated_time_only_where_that_is_trusted(bench
 
 
 @pytest.mark.ros
-def test_a_robot_stands_after_half_a_second_of_its_own_time_however_fast_that_is(bench):
+def test_robot_stands_after_half_second_of_its_own_time(bench):
     from nav_msgs.msg import Odometry
     from rclpy.serialization import serialize_message
 
@@ -137,7 +137,7 @@ def test_a_robot_stands_after_half_a_second_of_its_own_time_however_fast_that_is
     assert stands == [False, True]
 
 
-def test_a_clock_that_comes_in_steps_loses_nothing_between_them(bench):
+def test_stepwise_clock_loses_no_time_between_steps(bench):
     counted = bench.node_time(fastest=10.0)
     before = counted.now()
     for _ in range(100):
@@ -150,9 +150,9 @@ def test_a_clock_that_comes_in_steps_loses_nothing_between_them(bench):
 
 
 @pytest.mark.parametrize("speed", [0.01, 1.0, 150.0])
-def test_who_acts_by_a_clock_is_judged_by_the_seconds_in_which_it_goes_on(bench, speed):
+def test_clocked_time_counts_only_while_clock_advances(bench, speed):
     clocked = bench.clocked_time()
     assert bench.passes(clocked, 60.0, 60.0 * speed) == pytest.approx(60.0)
     assert bench.passes(clocked, 60.0, 0.0) == 0.0
-    # Of the standstill a second, at most, may have been none.
+    # At most one second of the standstill is counted afterwards.
     assert bench.passes(clocked, 10.0, 10.0 * speed) == pytest.approx(10.9)

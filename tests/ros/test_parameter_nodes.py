@@ -1,4 +1,4 @@
-"""Parameters as real nodes read them, and ROS arguments."""
+"""Tests of parameters as real nodes read them, and of ROS arguments."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def section(name: str, value: object, key: str = "x") -> str:
 
 
 class TestFiles:
-    def test_the_shipped_file_is_a_mission(self, launch: Launch) -> None:
+    def test_shipped_file_is_a_mission(self, launch: Launch) -> None:
         reader = ParameterReader(launch.values(params=shipped_root() / "config" / "mission_params.yaml"))
         zones, run = reader.places("zone"), read_run(reader)
         reader.complain()
@@ -78,7 +78,7 @@ class TestFiles:
         assert zones[1] == {"id": "zone_b", "x": 3.5, "y": 3.0, "yaw": 1.57}
         assert (run.tick_rate_hz, run.set_initial_pose, reader.notes) == (2.0, True, [])
 
-    def test_whole_numbers_lists_and_switches_arrive_as_such(self, launch: Launch) -> None:
+    def test_integers_lists_and_booleans_keep_their_types(self, launch: Launch) -> None:
         path = launch.file(
             "/**:\n  ros__parameters: {x: 3, on: off, ints: [1, 2], floats: [1.5], words: [a, b]}\n"
         )
@@ -104,29 +104,29 @@ class TestFiles:
             (f"/**/{NAME}", "/group3"),
         ],
     )
-    def test_a_section_reaches_the_node_it_names(self, launch: Launch, name: str, namespace: str) -> None:
+    def test_section_reaches_node_it_names(self, launch: Launch, name: str, namespace: str) -> None:
         path = launch.file(section(name, 5))
         assert launch.values(["-r", f"__ns:={namespace}"], path)["x"] == 5
 
     @pytest.mark.parametrize("name", ["/other", "/group4/*", f"/group4/{NAME}"])
-    def test_a_section_of_another_node_does_not(self, launch: Launch, name: str) -> None:
+    def test_section_of_other_node_is_ignored(self, launch: Launch, name: str) -> None:
         assert "x" not in launch.values(["-r", "__ns:=/group3"], launch.file(section(name, 5)))
 
     @pytest.mark.parametrize(
         "name", ["/**", NAME, "both", "both, the other way round"], ids=["all", "own", "both", "reversed"]
     )
-    def test_the_command_line_wins_over_the_file(self, launch: Launch, name: str) -> None:
+    def test_command_line_overrides_file(self, launch: Launch, name: str) -> None:
         both = [section("/**", "all"), section(NAME, "own")]
         texts = {"both": both, "both, the other way round": both[::-1]}
         path = launch.file("".join(texts.get(name, [section(name, "file")])))
         assert launch.values(["-p", "x:=mine"], path)["x"] == "mine"
 
-    def test_the_command_line_wins_for_a_node_that_is_renamed(self, launch: Launch) -> None:
+    def test_command_line_overrides_file_for_renamed_node(self, launch: Launch) -> None:
         path = launch.file(section("/**", "all") + section("/g/mine", "own"))
         arguments = ["-r", "__node:=mine", "-r", "__ns:=/g", "-p", "x:=given"]
         assert launch.values(arguments, path)["x"] == "given"
 
-    def test_a_file_read_without_ros_says_what_ros_reads(self, launch: Launch) -> None:
+    def test_file_read_without_ros_matches_ros(self, launch: Launch) -> None:
         scalars = "1 -3 +0x10 -0x1.8p3 .5 1e3 .inf -.INF .NaN inf yes OFF tRUE '12' \"off\" a 3m,5"
         lines = "".join(f"    k{i}: {text}\n" for i, text in enumerate([*scalars.split(), "!!str 3"]))
         path = launch.file(
@@ -139,22 +139,22 @@ class TestFiles:
         assert {key: repr(value) for key, value in read.items()} == {key: repr(given[key]) for key in read}
         assert set(given) - set(read) <= {"use_sim_time", "start_type_description_service"}
 
-    def test_the_users_own_file_wins_over_the_first(self, launch: Launch) -> None:
+    def test_user_file_overrides_first_file(self, launch: Launch) -> None:
         first, second = launch.file(section("/**", 1)), launch.file(section("/**", 2), "own.yaml")
         assert launch.values(["--params-file", str(second)], first)["x"] == 2
 
-    def test_a_file_wins_over_what_stood_before_it(self, launch: Launch) -> None:
+    def test_later_argument_overrides_earlier_one(self, launch: Launch) -> None:
         own = launch.file(section("/**", 2))
         assert launch.values(["-p", "x:=1", "--params-file", str(own)])["x"] == 2
         assert launch.values(["--params-file", str(own), "-p", "x:=1"])["x"] == 1
 
-    def test_a_bad_file_among_the_users_arguments_is_found_first(self, launch: Launch) -> None:
+    def test_invalid_user_file_is_reported(self, launch: Launch) -> None:
         path = launch.file(section("/**", "[1, 2.0]"))
         with pytest.raises(ParameterFileError, match="mixes"):
             launch.values(["--params-file", str(path)])
 
 
-class TestTheCheckSpeaksFirst:
+class TestFileCheck:
     @pytest.mark.parametrize(
         "text",
         [
@@ -171,12 +171,12 @@ class TestTheCheckSpeaksFirst:
             *("x 1", "? [a]\n    : 1", "x: [true, 1]", "\tx: 1", "x: 'a"),
         ],
     )
-    def test_of_what_ros_refuses(self, launch: Launch, text: str) -> None:
+    def test_check_rejects_files_that_ros_rejects(self, launch: Launch, text: str) -> None:
         path = launch.file(f"/**:\n  ros__parameters:\n    {text}\n")
         with pytest.raises(ParameterFileError):
             check_parameter_file(path)
-        # By the user's own hand, past the check: so that the list above stays true.
-        assert self.refused_by_ros(launch, path)
+        # Bypasses the check, to ensure that ROS rejects the values above.
+        assert self.is_rejected_by_ros(launch, path)
 
     @pytest.mark.parametrize(
         "text",
@@ -189,12 +189,12 @@ class TestTheCheckSpeaksFirst:
             "%YAML 1.2\n---\n",
         ],
     )
-    def test_of_files_that_are_none(self, launch: Launch, text: str) -> None:
+    def test_check_rejects_files_without_valid_sections(self, launch: Launch, text: str) -> None:
         path = launch.file(text + "\n")
         with pytest.raises(ParameterFileError):
             check_parameter_file(path)
 
-    def refused_by_ros(self, launch: Launch, path: Path) -> bool:
+    def is_rejected_by_ros(self, launch: Launch, path: Path) -> bool:
         from rclpy.exceptions import ParameterException
         from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
 
@@ -208,7 +208,7 @@ class TestTheCheckSpeaksFirst:
             return True
         return False
 
-    def test_takes_every_scalar_for_what_ros_takes_it_for(self, launch: Launch) -> None:
+    def test_scalar_kinds_match_ros(self, launch: Launch) -> None:
         scalars = [
             "1",
             "-3",
@@ -293,13 +293,13 @@ class TestTheCheckSpeaksFirst:
 
 
 class TestArguments:
-    def test_what_is_ros_s_stands_between_its_marks(self) -> None:
+    def test_ros_arguments_are_split_from_own_arguments(self) -> None:
         from sar_compiler.ros.arguments import split_arguments
 
         split = split_arguments(["a", "--ros-args", "-p", "x:=1", "--", "b", "--ros-args", "-r", "c:=d"])
         assert (split.own, split.ros) == (["a", "b"], ["-p", "x:=1", "-r", "c:=d"])
 
-    def test_no_arguments_are_none(self) -> None:
+    def test_no_arguments_give_empty_lists(self) -> None:
         from sar_compiler.ros.arguments import init_arguments, node_arguments
 
         assert (init_arguments([]), node_arguments([])) == ([], [])
@@ -335,13 +335,13 @@ class TestArguments:
             (["-e", "/x y"], ["the ROS arguments are invalid", "Enclave"]),
         ],
     )
-    def test_what_ros_does_not_understand_is_put_in_words(
+    def test_invalid_ros_argument_is_explained(
         self, launch: Launch, ros: list[str], parts: list[str]
     ) -> None:
         text = launch.error(*ros)
         assert all(part in text for part in parts), text
 
-    def test_an_empty_list_names_its_parameter(self, launch: Launch) -> None:
+    def test_empty_list_error_names_parameter(self, launch: Launch) -> None:
         assert "parameter zone_order: ROS cannot infer the type of an empty list" in launch.error(
             "-p", "zone_order:=[]"
         )
@@ -350,7 +350,7 @@ class TestArguments:
         assert "use_sim_time must be true or false, but is 3" in launch.error("-p", "use_sim_time:=3")
         assert launch.values(["-p", "use_sim_time:=true"])["use_sim_time"] is True
 
-    def test_a_node_name_that_is_none_is_put_in_words(self, ros: Ros) -> None:
+    def test_invalid_node_name_is_explained(self, ros: Ros) -> None:
         from sar_compiler.ros.arguments import RosArgumentError
         from sar_compiler.ros.parameters import DataNode
 

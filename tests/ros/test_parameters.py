@@ -1,4 +1,4 @@
-"""Reading a mission's parameters, and finding fault with parameter files; without ROS."""
+"""Tests of reading a mission's parameters and of checking parameter files, without ROS."""
 
 import contextlib
 import math
@@ -34,7 +34,7 @@ HEAD = "/**:\n  ros__parameters:\n"
 
 
 def mission(**changes: object) -> dict[str, object]:
-    """Return parameters of two zones; `__` stands for a dot, None takes a parameter away."""
+    """Return parameters of two zones; `__` stands for a dot, None removes a parameter."""
     parameters: dict[str, object] = {"zone_order": ["zone_a", "zone_b"]}
     for zone in ("zone_a", "zone_b"):
         parameters |= {f"zones.{zone}.x": 1.5, f"zones.{zone}.y": -2.0, f"zones.{zone}.yaw": 0.5}
@@ -44,7 +44,7 @@ def mission(**changes: object) -> dict[str, object]:
 
 @dataclass
 class Read:
-    """What the parameters of a mission and its run say."""
+    """The parameters of a mission and its run."""
 
     zones: list[dict[str, Any]]
     base_station: dict[str, float]
@@ -68,50 +68,50 @@ def read_run_of(parameters: Mapping[str, object]) -> RunParameters:
     return run
 
 
-def mistakes(parameters: Mapping[str, object]) -> dict[str, str]:
+def errors_of(parameters: Mapping[str, object]) -> dict[str, str]:
     with pytest.raises(ParameterError) as caught:
         read_mission(parameters)
     assert all(problem.key in str(caught.value) for problem in caught.value.problems)
     return {problem.key: problem.text for problem in caught.value.problems}
 
 
-class TestReadingAMission:
-    def test_zones_come_in_the_order_of_their_visit(self) -> None:
+class TestMissionParameters:
+    def test_zones_are_in_order_of_visit(self) -> None:
         read = read_mission(mission(zone_order=["zone_b", "zone_a"]))
         assert read.zones == [
             {"id": "zone_b", "x": 1.5, "y": -2.0, "yaw": 0.5},
             {"id": "zone_a", "x": 1.5, "y": -2.0, "yaw": 0.5},
         ]
 
-    def test_only_the_contract_has_defaults(self) -> None:
+    def test_optional_parameters_have_defaults(self) -> None:
         read = read_mission(mission())
         assert read.base_station == {"x": 0.0, "y": 0.0, "yaw": 0.0}
         assert read.run.initial_pose == (0.0, 0.0, 0.0)
         assert (read.run.tick_rate_hz, read.run.set_initial_pose, read.notes) == (2.0, True, [])
 
-    def test_what_is_given_counts(self) -> None:
+    def test_given_values_are_used(self) -> None:
         given = mission(base_station__x=1, base_station__yaw=-0.5, tick_rate_hz=10, set_initial_pose=False)
         read = read_mission(given)
         assert read.base_station == {"x": 1.0, "y": 0.0, "yaw": -0.5}
         assert (read.run.tick_rate_hz, read.run.set_initial_pose) == (10.0, False)
 
-    def test_the_initial_pose_is_read_like_the_base_station_and_apart_from_it(self) -> None:
+    def test_initial_pose_is_independent_of_base_station(self) -> None:
         read = read_mission(mission(initial_pose__x=-2, initial_pose__yaw=1.57, base_station__y=0.5))
         assert read.run.initial_pose == (-2.0, 0.0, 1.57)
         assert read.base_station == {"x": 0.0, "y": 0.5, "yaw": 0.0}
 
-    def test_whole_numbers_are_read_as_floats(self) -> None:
+    def test_integers_are_read_as_floats(self) -> None:
         x = read_mission(mission(zones__zone_a__x=3)).zones[0]["x"]
         assert (x, type(x)) == (3.0, float)
 
-    def test_others_parameters_are_no_mistake(self) -> None:
+    def test_unrelated_parameters_are_ignored(self) -> None:
         assert not read_mission(mission(use_sim_time=True, goal_x=2.0, zone_count=3)).notes
 
     def test_ids_may_have_dots(self) -> None:
         pose = {"zones.floor.1.x": 1.0, "zones.floor.1.y": 2.0, "zones.floor.1.yaw": 3.0}
         assert read_mission({"zone_order": ["floor.1"], **pose}).zones[0]["id"] == "floor.1"
 
-    def test_a_zone_that_is_never_visited_is_noted(self) -> None:
+    def test_unvisited_zone_is_noted(self) -> None:
         [note] = read_mission(mission(zone_order=["zone_a"])).notes
         assert "zone_b" in note
         assert "never visited" in note
@@ -155,7 +155,7 @@ class TestReadingAMission:
             ),
         )
     )
-    def test_whatever_is_given_is_read_or_refused_in_words(self, parameters: dict[str, object]) -> None:
+    def test_any_parameters_are_read_or_rejected(self, parameters: dict[str, object]) -> None:
         read: Read | None = None
         with contextlib.suppress(ParameterError):
             read = read_mission(parameters)
@@ -164,14 +164,14 @@ class TestReadingAMission:
             assert all(math.isfinite(zone[name]) for zone in read.zones for name in ("x", "y", "yaw"))
 
 
-class TestPlacesOfAnotherName:
-    def test_they_are_read_from_parameters_of_that_name(self) -> None:
+class TestOtherLocationNames:
+    def test_locations_are_read_from_parameters_of_their_name(self) -> None:
         pose = {"points.gate.x": 1, "points.gate.y": 2.0, "points.gate.yaw": 0.5}
         reader = ParameterReader({"point_order": ["gate"], **pose, "points.yard.x": 1.0})
         assert reader.places("point") == [{"id": "gate", "x": 1.0, "y": 2.0, "yaw": 0.5}]
         assert reader.notes == ["points.yard is not in point_order, so it is never visited"]
 
-    def test_their_mistakes_are_told_in_that_name(self) -> None:
+    def test_errors_use_name_of_locations(self) -> None:
         reader = ParameterReader({"point_ordr": ["gate"]}, elsewhere="look there")
         reader.places("point")
         assert [str(problem) for problem in reader.problems] == [
@@ -182,46 +182,46 @@ class TestPlacesOfAnotherName:
         ]
 
 
-class TestMistakes:
-    def test_no_order_says_how_to_give_one(self) -> None:
-        assert "is missing: list the zones to visit" in mistakes(mission(zone_order=None))["zone_order"]
+class TestInvalidParameters:
+    def test_missing_order_is_explained(self) -> None:
+        assert "is missing: list the zones to visit" in errors_of(mission(zone_order=None))["zone_order"]
 
-    def test_an_order_under_nearly_its_name_is_pointed_out(self) -> None:
-        assert "'zone_oder'" in mistakes(mission(zone_order=None, zone_oder=["zone_a"]))["zone_order"]
+    def test_misspelt_order_is_pointed_out(self) -> None:
+        assert "'zone_oder'" in errors_of(mission(zone_order=None, zone_oder=["zone_a"]))["zone_order"]
 
-    def test_an_empty_order(self) -> None:
-        assert "is empty" in mistakes(mission(zone_order=[]))["zone_order"]
+    def test_empty_order_is_rejected(self) -> None:
+        assert "is empty" in errors_of(mission(zone_order=[]))["zone_order"]
 
     @pytest.mark.parametrize("value", ["zone_a", 3, True, 1.5])
-    def test_an_order_that_is_no_list(self, value: object) -> None:
-        assert "must be a list of zone ids" in mistakes(mission(zone_order=value))["zone_order"]
+    def test_order_must_be_list(self, value: object) -> None:
+        assert "must be a list of zone ids" in errors_of(mission(zone_order=value))["zone_order"]
 
     @pytest.mark.parametrize("value", [[1, 2], [True], [""], [1.5]])
-    def test_an_order_that_is_no_list_of_text(self, value: object) -> None:
-        assert "must be a list of zone ids (strings)" in mistakes(mission(zone_order=value))["zone_order"]
+    def test_order_must_contain_strings(self, value: object) -> None:
+        assert "must be a list of zone ids (strings)" in errors_of(mission(zone_order=value))["zone_order"]
 
-    def test_a_zone_named_twice(self) -> None:
-        found = mistakes(mission(zone_order=["zone_a", "zone_b", "zone_a"]))
+    def test_zone_named_twice_is_rejected(self) -> None:
+        found = errors_of(mission(zone_order=["zone_a", "zone_b", "zone_a"]))
         assert found == {"zone_order": "names 'zone_a' more than once"}
 
-    def test_an_order_of_too_many_zones(self) -> None:
+    def test_too_many_zones_are_rejected(self) -> None:
         order = [f"zone_{number}" for number in range(MOST_PLACES + 1)]
-        found = mistakes(mission(zone_order=order))
+        found = errors_of(mission(zone_order=order))
         assert found == {
             "zone_order": "names 1,001 zones, but at most 1,000 are allowed: move some zones to another mission"
         }
 
-    def test_a_zone_without_a_pose_with_the_nearest_name(self) -> None:
-        [text] = mistakes(mission(zone_order=["zone_a", "zone_B"])).values()
+    def test_zone_without_pose_is_reported_with_nearest_name(self) -> None:
+        [text] = errors_of(mission(zone_order=["zone_a", "zone_B"])).values()
         assert "names 'zone_B', which has no pose: add zones.zone_B.x" in text
         assert "did you mean 'zone_b'?" in text
 
     @pytest.mark.parametrize("name", ["x", "y", "yaw"])
-    def test_a_coordinate_that_is_missing(self, name: str) -> None:
-        found = mistakes({k: v for k, v in mission().items() if k != f"zones.zone_b.{name}"})
+    def test_missing_coordinate_is_reported(self, name: str) -> None:
+        found = errors_of({k: v for k, v in mission().items() if k != f"zones.zone_b.{name}"})
         assert found == {f"zones.zone_b.{name}": "is missing: write a number"}
 
-    def test_a_number_that_is_missing_and_has_no_default(self) -> None:
+    def test_missing_number_without_default_is_reported(self) -> None:
         reader = ParameterReader({"height": 2})
         assert (reader.number("height"), reader.number("depth", 1.5), reader.number("width")) == (
             2.0,
@@ -231,56 +231,57 @@ class TestMistakes:
         assert [str(each) for each in reader.problems] == ["width: is missing: write a number"]
 
     @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-    def test_a_number_that_is_not_finite(self, value: float) -> None:
-        assert "finite" in mistakes(mission(zones__zone_a__x=value))["zones.zone_a.x"]
+    def test_number_must_be_finite(self, value: float) -> None:
+        assert "finite" in errors_of(mission(zones__zone_a__x=value))["zones.zone_a.x"]
 
     @pytest.mark.parametrize("value", [True, "far", [1.0], None])
-    def test_what_is_no_number(self, value: object) -> None:
+    def test_coordinate_must_be_number(self, value: object) -> None:
         parameters = mission() | {"zones.zone_a.x": value}
-        assert "must be a number" in mistakes(parameters)["zones.zone_a.x"]
+        assert "must be a number" in errors_of(parameters)["zones.zone_a.x"]
 
-    def test_a_number_in_quotes(self) -> None:
-        text = mistakes(mission(base_station__x="1.5"))["base_station.x"]
+    def test_quoted_number_is_rejected(self) -> None:
+        text = errors_of(mission(base_station__x="1.5"))["base_station.x"]
         assert text == "must be a number, but is the string '1.5' (write it without quotes)"
 
     @pytest.mark.parametrize("value", [math.inf, "0.5", True])
-    def test_an_initial_pose_that_is_no_place(self, value: object) -> None:
-        assert list(mistakes(mission(initial_pose__y=value))) == ["initial_pose.y"]
+    def test_invalid_initial_pose_is_rejected(self, value: object) -> None:
+        assert list(errors_of(mission(initial_pose__y=value))) == ["initial_pose.y"]
 
     @pytest.mark.parametrize("value", [0, -1.0, math.nan, 1e9, 1e-12, "2", False])
-    def test_a_tick_rate_that_is_none(self, value: object) -> None:
-        assert list(mistakes(mission(tick_rate_hz=value))) == ["tick_rate_hz"]
+    def test_invalid_tick_rate_is_rejected(self, value: object) -> None:
+        assert list(errors_of(mission(tick_rate_hz=value))) == ["tick_rate_hz"]
 
-    def test_an_unknown_name_beside_a_pose(self) -> None:
-        assert "did you mean 'yaw'?" in mistakes(mission(zones__zone_a__yw=1.0))["zones.zone_a.yw"]
-        assert "did you mean 'x'?" in mistakes(mission(base_station__X=1.0))["base_station.X"]
-        assert "did you mean 'yaw'?" in mistakes(mission(initial_pose__Yaw=1.0))["initial_pose.Yaw"]
+    def test_unknown_name_in_pose_is_reported(self) -> None:
+        assert "did you mean 'yaw'?" in errors_of(mission(zones__zone_a__yw=1.0))["zones.zone_a.yw"]
+        assert "did you mean 'x'?" in errors_of(mission(base_station__X=1.0))["base_station.X"]
+        assert "did you mean 'yaw'?" in errors_of(mission(initial_pose__Yaw=1.0))["initial_pose.Yaw"]
         assert (
-            "expected one of x, y, yaw" in mistakes(mission(zones__zone_a__height=1.0))["zones.zone_a.height"]
+            "expected one of x, y, yaw"
+            in errors_of(mission(zones__zone_a__height=1.0))["zones.zone_a.height"]
         )
 
     @pytest.mark.parametrize("key", ["zones", "zones.zone_a", "base_station", "initial_pose"])
-    def test_a_value_in_the_place_of_a_pose(self, key: str) -> None:
-        assert key in mistakes(mission() | {key: 3.0})
+    def test_value_in_place_of_pose_is_rejected(self, key: str) -> None:
+        assert key in errors_of(mission() | {key: 3.0})
 
     @pytest.mark.parametrize("value", ["yes", 1, None])
-    def test_a_switch_that_is_neither_true_nor_false(self, value: object) -> None:
-        assert "true or false" in mistakes(mission() | {"set_initial_pose": value})["set_initial_pose"]
+    def test_boolean_must_be_true_or_false(self, value: object) -> None:
+        assert "true or false" in errors_of(mission() | {"set_initial_pose": value})["set_initial_pose"]
 
-    def test_all_of_them_are_found_at_once(self) -> None:
+    def test_all_errors_are_reported_at_once(self) -> None:
         parameters = mission(
             zones__zone_a__x="far", zones__zone_b__yaw=None, tick_rate_hz=0, zone_order=["zone_a", "q"]
         )
-        assert list(mistakes(parameters)) == ["zone_order", "zones.zone_a.x", "tick_rate_hz"]
+        assert list(errors_of(parameters)) == ["zone_order", "zones.zone_a.x", "tick_rate_hz"]
 
 
-class TestReadingHowATreeIsRun:
-    def test_everything_has_a_default(self) -> None:
+class TestRunParameters:
+    def test_run_parameters_have_defaults(self) -> None:
         run = read_run_of({"use_sim_time": False})
         assert (run.tick_rate_hz, run.set_initial_pose) == (2.0, True)
         assert (run.startup_timeout_sec, run.time_limit_sec) == (60.0, None)
 
-    def test_what_is_given_counts(self) -> None:
+    def test_given_values_are_used(self) -> None:
         run = read_run_of(
             {"tick_rate_hz": 5, "startup_timeout_sec": 3, "time_limit_sec": 600.0, "initial_pose.x": 1}
         )
@@ -289,13 +290,13 @@ class TestReadingHowATreeIsRun:
 
     @pytest.mark.parametrize("key", ["tick_rate_hz", "startup_timeout_sec", "time_limit_sec"])
     @pytest.mark.parametrize("value", [0, -1.0, math.inf, "2", True])
-    def test_a_time_or_a_rate_that_is_none(self, key: str, value: object) -> None:
+    def test_invalid_duration_or_rate_is_rejected(self, key: str, value: object) -> None:
         with pytest.raises(ParameterError) as caught:
             read_run_of({key: value})
         assert [problem.key for problem in caught.value.problems] == [key]
 
 
-class TestNamesThatNobodyReads:
+class TestUnusedNames:
     @pytest.mark.parametrize(
         ("given", "meant"),
         [
@@ -309,31 +310,29 @@ class TestNamesThatNobodyReads:
             ("wait.secs", "wait.sec"),
         ],
     )
-    def test_one_that_is_nearly_right_is_noted_with_the_one_that_was_meant(
-        self, given: str, meant: str
-    ) -> None:
+    def test_misspelt_name_is_noted_with_suggestion(self, given: str, meant: str) -> None:
         notes = lookalikes([given], (*MISSION_NAMES, "goal_x", "wait.sec"))
         assert notes == [f"parameter '{given}' is not used: did you mean '{meant}'?"]
 
-    def test_it_is_noted_also_where_the_right_one_is_given_by_a_file(self) -> None:
+    def test_misspelt_name_is_noted_even_if_correct_name_is_given(self) -> None:
         assert len(lookalikes(["goal_x", "goalx"], ["goal_x"])) == 1
 
-    def test_a_group_is_noted_once(self) -> None:
+    def test_misspelt_group_is_noted_once(self) -> None:
         given = ["survivor.kitchen.x", "survivor.kitchen.y", "survivor.attic.x"]
         assert lookalikes(given, MISSION_NAMES) == [
             "parameter 'survivor' is not used: did you mean 'survivors'?"
         ]
 
-    def test_what_is_read_is_not_noted(self) -> None:
+    def test_used_names_are_not_noted(self) -> None:
         given = ["survivors.attic.x", "zones.attic.x", "initial_pose.yaw", "use_sim_time", "goal_x"]
         assert lookalikes(given, (*MISSION_NAMES, "goal_x")) == []
 
-    def test_what_is_like_nothing_belongs_to_somebody_else(self) -> None:
+    def test_dissimilar_names_are_not_noted(self) -> None:
         assert (
             lookalikes(["robot_description", "zone_count", "goal.height"], ["goal.x", *MISSION_NAMES]) == []
         )
 
-    def test_every_parameter_of_a_run_is_known(self) -> None:
+    def test_every_run_parameter_is_known(self) -> None:
         assert lookalikes([field.name for field in fields(RunParameters)], MISSION_NAMES) == []
         assert {field.name for field in fields(RunParameters)} <= set(MISSION_NAMES)
 
@@ -341,14 +340,14 @@ class TestNamesThatNobodyReads:
 class TestSurvivors:
     DEFAULT = {"zone_a": (1.0, 2.0)}  # noqa: RUF012
 
-    def test_the_default_counts_where_nothing_is_given(self) -> None:
+    def test_default_is_used_if_no_survivors_are_given(self) -> None:
         assert read_survivors({"use_sim_time": False}, self.DEFAULT) == self.DEFAULT
 
-    def test_a_table_replaces_the_default(self) -> None:
+    def test_table_replaces_default(self) -> None:
         given = {"survivors.zone_b.x": 3, "survivors.zone_b.y": -1.5}
         assert read_survivors(given, self.DEFAULT) == {"zone_b": (3.0, -1.5)}
 
-    def test_every_mistake_names_its_key(self) -> None:
+    def test_every_error_names_its_key(self) -> None:
         given = {"survivors.zone_b.x": "3", "survivors.zone_c.z": 1.0, "survivors": 2}
         with pytest.raises(ParameterError) as caught:
             read_survivors(given, self.DEFAULT)
@@ -371,7 +370,7 @@ def file_error(tmp_path: Path, text: str | bytes) -> ParameterFileError:
 
 
 def below(text: str) -> str:
-    """Put lines below `ros__parameters`, beginning in line 3."""
+    """Insert lines below `ros__parameters`, beginning in line 3."""
     return HEAD + "".join(f"    {line}\n" for line in text.splitlines())
 
 
@@ -393,12 +392,12 @@ class TestParameterFiles:
             "x: 12:30",
         ],
     )
-    def test_what_ros_reads_passes(self, tmp_path: Path, text: str) -> None:
+    def test_file_that_ros_reads_passes(self, tmp_path: Path, text: str) -> None:
         path = tmp_path / "params.yaml"
         path.write_text(below(text))
         check_parameter_file(path)
 
-    def test_the_shipped_file_passes_and_is_the_contract(self) -> None:
+    def test_shipped_file_passes_and_has_contract_values(self) -> None:
         path = shipped_root() / "config" / "mission_params.yaml"
         check_parameter_file(path)
         values = yaml.safe_load(path.read_text())["/**"]["ros__parameters"]
@@ -416,7 +415,7 @@ class TestParameterFiles:
             "set_initial_pose": True,
         }
 
-    def test_nodes_may_stand_below_namespaces(self, tmp_path: Path) -> None:
+    def test_nodes_may_be_nested_in_namespaces(self, tmp_path: Path) -> None:
         path = tmp_path / "params.yaml"
         path.write_text("/group3:\n  a:\n    ros__parameters: {x: 1}\n  b:\n    ros__parameters: {x: 2}\n")
         check_parameter_file(path)
@@ -453,7 +452,7 @@ class TestParameterFiles:
             ("x: \x07", 3, 8, "delete the character"),
         ],
     )
-    def test_what_ros_refuses_or_misreads_has_a_place(
+    def test_value_that_ros_rejects_or_misreads_has_location(
         self, tmp_path: Path, text: str, line: int, column: int, part: str
     ) -> None:
         error = file_error(tmp_path, below(text))
@@ -485,29 +484,29 @@ class TestParameterFiles:
             (HEAD.encode() + b"    x: \xff\n", "not UTF-8"),
         ],
     )
-    def test_a_file_that_is_none_for_ros(self, tmp_path: Path, text: str | bytes, part: str) -> None:
+    def test_malformed_parameter_file_is_rejected(self, tmp_path: Path, text: str | bytes, part: str) -> None:
         assert part in str(file_error(tmp_path, text))
 
-    def test_a_file_that_is_not_there(self, tmp_path: Path) -> None:
+    def test_missing_file_is_reported(self, tmp_path: Path) -> None:
         with pytest.raises(UnreadableFileError, match=r"none\.yaml: No such file"):
             check_parameter_file(tmp_path / "none.yaml")
 
-    def test_a_named_pipe_is_refused_without_waiting_for_a_writer(self, tmp_path: Path) -> None:
+    def test_named_pipe_is_rejected_without_waiting_for_writer(self, tmp_path: Path) -> None:
         os.mkfifo(tmp_path / "params.yaml")
         with pytest.raises(UnreadableFileError, match="it is a pipe"):
             check_parameter_file(tmp_path / "params.yaml")
 
-    def test_a_byte_order_mark_and_windows_line_ends_pass(self, tmp_path: Path) -> None:
+    def test_byte_order_mark_and_windows_line_ends_pass(self, tmp_path: Path) -> None:
         path = tmp_path / "params.yaml"
         path.write_bytes(b"\xef\xbb\xbf" + below("x: 1").replace("\n", "\r\n").encode())
         check_parameter_file(path)
 
-    def test_all_mistakes_are_found_at_once_in_their_order(self, tmp_path: Path) -> None:
+    def test_all_errors_of_file_are_reported_in_order(self, tmp_path: Path) -> None:
         error = file_error(tmp_path, below("zone_order: []\nx: ~\ny: [1, 2.0]"))
         assert [problem.line for problem in error.problems] == [3, 4, 5]
 
     @given(st.text(max_size=60))
-    def test_any_text_passes_or_is_refused_in_words(self, text: str) -> None:
+    def test_any_text_passes_or_is_rejected_with_message(self, text: str) -> None:
         from sar_compiler.missions import parameter_file
 
         for problem in parameter_file._Walk(HEAD + "    x: " + text).problems:
@@ -515,7 +514,7 @@ class TestParameterFiles:
             assert problem.line >= 1
 
 
-def test_where_the_map_lies_is_read_and_not_asked_for():
+def test_georeference_is_read_and_optional():
     given = {"georeference.lat": 48.2, "georeference.lon": 16, "georeference.heading": 90.0}
     assert read_run_of(given).georeference == (48.2, 16.0, 90.0)
     assert read_run_of({}).georeference is None
@@ -544,6 +543,6 @@ def test_where_the_map_lies_is_read_and_not_asked_for():
         ),
     ],
 )
-def test_a_place_on_the_earth_is_whole_or_a_mistake(given, words):
+def test_incomplete_or_invalid_georeference_is_rejected(given, words):
     with pytest.raises(ParameterError, match=re.escape(words)):
         read_run_of(given)

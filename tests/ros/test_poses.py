@@ -1,4 +1,4 @@
-"""Turns about z as quaternions."""
+"""Tests of rotations about z as quaternions."""
 
 import math
 from types import SimpleNamespace
@@ -13,26 +13,26 @@ def quaternion(x=0.0, y=0.0, z=0.0, w=1.0):
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, -3.1, 3.1])
-def test_a_turn_is_read_as_it_was_written(yaw):
+def test_yaw_is_read_as_written(yaw):
     turn = quaternion()
     turn_by(turn, yaw)
     assert yaw_of(turn) == pytest.approx(yaw)
 
 
-def test_a_quaternion_and_its_opposite_are_the_same_turn():
+def test_opposite_quaternions_have_same_yaw():
     assert yaw_of(quaternion(z=-math.sin(0.5), w=-math.cos(0.5))) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("axis", ["x", "y", "z", "w"])
-def test_what_is_not_finite_has_no_angle(axis, number):
+def test_non_finite_quaternion_has_no_yaw(axis, number):
     assert math.isnan(yaw_of(quaternion(**{axis: number})))
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z", "w"])
-def test_a_huge_number_is_no_error(axis):
+def test_huge_component_gives_finite_yaw(axis):
     assert math.isfinite(yaw_of(quaternion(**{axis: 1e300})))
 
 
-def test_a_quaternion_that_is_rounded_is_the_turn_that_was_meant():
+def test_rounded_quaternion_has_intended_yaw():
     assert yaw_of(quaternion(z=0.7, w=0.7)) == pytest.approx(math.pi / 2)

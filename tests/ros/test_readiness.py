@@ -1,4 +1,4 @@
-"""The wait before the first tick."""
+"""Tests of the wait before the first tick."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.ros
 
 
 class FakeNav2:
-    """The two lifecycle nodes, and a localisation that answers an initial pose."""
+    """The two lifecycle nodes, and a localisation that confirms an initial pose."""
 
     def __init__(
         self, node: Any, *, states: tuple[str, str] = ("active", "active"), deaf: bool = False
@@ -57,7 +57,7 @@ class FakeNav2:
         return answer
 
 
-def logs(ros: Ros, name: str, text: str, level: str = "ERROR") -> None:
+def log_as_node(ros: Ros, name: str, text: str, level: str = "ERROR") -> None:
     """Log a line as a node of Nav2."""
     from rcl_interfaces.msg import Log
     from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -67,8 +67,8 @@ def logs(ros: Ros, name: str, text: str, level: str = "ERROR") -> None:
     rosout.publish(Log(level=getattr(Log, level), name=name, msg=text))
 
 
-def located(x: float, y: float) -> Any:
-    """Return what a localisation says."""
+def pose_message(x: float, y: float) -> Any:
+    """Return a pose message of a localisation."""
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
     message = PoseWithCovarianceStamped()
@@ -107,8 +107,8 @@ def missing(ros: Ros, ready: Readiness, timeout_sec: float = 0.3) -> list[str]:
     return caught.value.missing
 
 
-def comes_to_miss(ros: Ros, ready: Readiness, *lines: str) -> None:
-    """Spin until just this is missing, as it is put in words."""
+def expect_missing(ros: Ros, ready: Readiness, *lines: str) -> None:
+    """Spin until exactly these lines are reported as missing."""
     last: list[str] = []
 
     def just_this() -> bool:
@@ -137,29 +137,29 @@ def navigator(node: Any, name: str = "navigate_to_pose") -> Any:
 
 
 class TestServers:
-    def test_a_tree_that_uses_nothing_is_ready_at_once(self, ros: Ros) -> None:
+    def test_tree_without_uses_is_ready_at_once(self, ros: Ros) -> None:
         assert readiness(ros.node()).poll()
 
-    def test_names_the_service_that_has_no_server(self, ros: Ros) -> None:
+    def test_service_without_server_is_named(self, ros: Ros) -> None:
         assert missing(ros, readiness(ros.node(), Use.service("detect_survivor"))) == [
             "service detect_survivor: no server"
         ]
 
-    def test_names_the_action_that_has_no_server(self, ros: Ros) -> None:
+    def test_action_without_server_is_named(self, ros: Ros) -> None:
         assert missing(ros, readiness(ros.node(), Use.action("navigate_to_pose"))) == [
             "action navigate_to_pose: no server"
         ]
 
-    def test_names_the_topic_that_nobody_publishes_on(self, ros: Ros) -> None:
+    def test_topic_without_publisher_is_named(self, ros: Ros) -> None:
         assert missing(ros, readiness(ros.node(), Use.topic("odometry/filtered"))) == [
             "topic odometry/filtered: no publisher"
         ]
 
-    def test_names_everything_that_is_missing_once(self, ros: Ros) -> None:
+    def test_missing_endpoints_are_named_once(self, ros: Ros) -> None:
         uses = [Use.service("a"), Use.service("b"), Use.service("a")]
         assert missing(ros, readiness(ros.node(), *uses)) == ["service a: no server", "service b: no server"]
 
-    def test_is_ready_when_the_servers_and_publishers_are_there(self, ros: Ros) -> None:
+    def test_tree_is_ready_with_servers_and_publishers(self, ros: Ros) -> None:
         from nav_msgs.msg import Odometry
 
         other = ros.node("other")
@@ -174,7 +174,7 @@ class TestServers:
         wait(ros, readiness(ros.node(), *uses))
         server.destroy()
 
-    def test_becomes_ready_when_a_server_appears_later(self, ros: Ros) -> None:
+    def test_tree_becomes_ready_when_server_appears(self, ros: Ros) -> None:
         node = ros.node()
 
         def appear() -> None:
@@ -184,7 +184,7 @@ class TestServers:
         timer = node.create_timer(0.2, appear)
         wait(ros, readiness(node, Use.service("detect_survivor")))
 
-    def test_looks_for_the_name_in_the_namespace(self, ros: Ros) -> None:
+    def test_name_is_resolved_in_namespace(self, ros: Ros) -> None:
         robot = ros.node("mission", namespace="/robot1")
         detector(ros.node("elsewhere"))
         assert missing(ros, readiness(robot, Use.service("detect_survivor"))) == [
@@ -194,13 +194,13 @@ class TestServers:
         detector(ros.node("there", namespace="/robot1"))
         wait(ros, readiness(robot, Use.service("detect_survivor")))
 
-    def test_follows_remapped_names(self, make_ros: Callable[..., Ros]) -> None:
+    def test_remapped_names_are_followed(self, make_ros: Callable[..., Ros]) -> None:
         ros = make_ros(["--ros-args", "-r", "navigate_to_pose/_action/send_goal:=drive/_action/send_goal"])
         server = navigator(ros.node("other"), "drive")
         wait(ros, readiness(ros.node(), Use.action("navigate_to_pose")))
         server.destroy()
 
-    def test_two_servers_are_one_too_many(self, ros: Ros, said: Said) -> None:
+    def test_two_servers_of_same_action_are_reported(self, ros: Ros, said: Said) -> None:
         servers = [navigator(ros.node(name)) for name in ("one", "two")]
         node = ros.node()
         ros.spin_until(
@@ -214,7 +214,7 @@ class TestServers:
         for server in servers:
             server.destroy()
 
-    def test_does_not_wait_the_whole_time_for_one_of_two_servers_to_go(
+    def test_wait_with_two_servers_ends_before_timeout(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         from sar_compiler.ros import readiness as module
@@ -228,7 +228,7 @@ class TestServers:
         missing(ros, readiness(node, Use.service("detect_survivor")), timeout_sec=30.0)
         assert watch.own_sec < 2.0
 
-    def test_is_ready_when_one_of_two_servers_goes(self, ros: Ros) -> None:
+    def test_tree_is_ready_when_one_of_two_servers_ends(self, ros: Ros) -> None:
         node, second = ros.node(), ros.node("two")
         detector(ros.node("one"))
         detector(second)
@@ -249,54 +249,54 @@ class TestTypes:
         endpoints = {use: Endpoint(use.kind, use.name, type_name)}
         return Readiness(node, [use], initial_pose=None, endpoints=endpoints)
 
-    def test_names_the_type_of_a_service_that_is_another_one(self, ros: Ros) -> None:
+    def test_wrong_service_type_is_named(self, ros: Ros) -> None:
         from std_srvs.srv import SetBool
 
         ros.node("other").create_service(SetBool, "detect_survivor", lambda _, response: response)
         ready = self.ready(ros.node(), Use.service("detect_survivor"), self.WANTED)
-        comes_to_miss(
+        expect_missing(
             ros, ready, f"service detect_survivor: served as std_srvs/srv/SetBool, but must be {self.WANTED}"
         )
 
-    def test_a_client_of_the_right_type_does_not_hide_a_server_of_another_one(
+    def test_client_of_right_type_does_not_hide_server_of_wrong_type(
         self, ros: Ros, make_ros: Callable[..., Ros]
     ) -> None:
         from sar_interfaces.srv import DetectSurvivor
         from std_srvs.srv import SetBool
 
         ros.node("other").create_service(SetBool, "detect_survivor", lambda _, response: response)
-        # In a process of its own: within one, a name has one type.
+        # In a separate context: within one, a name has one type.
         make_ros().node("asking").create_client(DetectSurvivor, "detect_survivor")
         node = ros.node()
         ros.spin_until(lambda: "asking" in node.get_node_names(), "the client")
-        comes_to_miss(
+        expect_missing(
             ros,
             self.ready(node, Use.service("detect_survivor"), self.WANTED),
             f"service detect_survivor: served as std_srvs/srv/SetBool, but must be {self.WANTED}",
         )
 
-    def test_names_the_type_of_an_action_that_is_another_one(self, ros: Ros) -> None:
+    def test_wrong_action_type_is_named(self, ros: Ros) -> None:
         server = navigator(ros.node("other"))
         wanted = "nav2_msgs/action/DockRobot"
-        comes_to_miss(
+        expect_missing(
             ros,
             self.ready(ros.node(), Use.action("navigate_to_pose"), wanted),
             f"action navigate_to_pose: served as nav2_msgs/action/NavigateToPose, but must be {wanted}",
         )
         server.destroy()
 
-    def test_names_the_type_of_a_topic_that_is_another_one(self, ros: Ros) -> None:
+    def test_wrong_topic_type_is_named(self, ros: Ros) -> None:
         from std_msgs.msg import String
 
         ros.node("other").create_publisher(String, "battery_state", 1)
         wanted = "sensor_msgs/msg/BatteryState"
-        comes_to_miss(
+        expect_missing(
             ros,
             self.ready(ros.node(), Use.topic("battery_state"), wanted),
             f"topic battery_state: published as std_msgs/msg/String, but must be {wanted}",
         )
 
-    def test_is_ready_when_everything_is_of_its_type(self, ros: Ros) -> None:
+    def test_tree_is_ready_with_correct_types(self, ros: Ros) -> None:
         from std_msgs.msg import String
 
         other = ros.node("other")
@@ -311,7 +311,7 @@ class TestTypes:
             wait(ros, self.ready(ros.node(), use, name))
         server.destroy()
 
-    def test_the_leaves_of_the_mission_say_their_types(self) -> None:
+    def test_mission_leaves_declare_their_types(self) -> None:
         from sar_compiler import load
         from sar_compiler.compiler import preview_tree
         from sar_compiler.ros.graph_queries import declared_endpoints
@@ -325,8 +325,8 @@ class TestTypes:
         }
 
 
-class TestTheBringUpOfNav2:
-    """A navigator that is not active, with the nodes before it and the lifecycle manager."""
+class TestNav2BringUp:
+    """Tests with an inactive navigator, the nodes started before it, and the lifecycle manager."""
 
     @staticmethod
     def stack(ros: Ros, *, up: bool | None, **states: str) -> None:
@@ -349,11 +349,11 @@ class TestTheBringUpOfNav2:
 
             node.create_service(Trigger, "lifecycle_manager_navigation/is_active", is_active)
 
-    def test_says_where_the_lifecycle_manager_has_given_up(self, ros: Ros) -> None:
+    def test_planner_activation_failure_recommends_initial_pose(self, ros: Ros) -> None:
         self.stack(
             ros, up=False, controller_server="active", planner_server="inactive", bt_navigator="inactive"
         )
-        comes_to_miss(
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'inactive', must be 'active'. lifecycle_manager_navigation has given up starting Nav2, because planner_server failed to activate. Restart Nav2, and set the initial pose within its "
@@ -369,14 +369,14 @@ class TestTheBringUpOfNav2:
             (("inactive", "inactive", "inactive"), "controller_server failed to activate"),
         ],
     )
-    def test_names_the_node_at_which_the_bring_up_has_failed_and_asks_for_no_pose(
+    def test_failed_bring_up_names_node_and_requests_no_pose(
         self, ros: Ros, states: tuple[str, str, str], failed: str
     ) -> None:
         controller, planner, navigator = states
         self.stack(
             ros, up=False, controller_server=controller, planner_server=planner, bt_navigator=navigator
         )
-        comes_to_miss(
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             f"node bt_navigator: state '{navigator}', must be 'active'. lifecycle_manager_navigation has given up starting Nav2, because {failed}. Restart Nav2",
@@ -403,15 +403,15 @@ class TestTheBringUpOfNav2:
             ),
         ],
     )
-    def test_the_lifecycle_manager_names_the_node_itself(
+    def test_log_of_lifecycle_manager_identifies_failed_node(
         self, ros: Ros, states: tuple[str, str, str], named: str, failed: str
     ) -> None:
         controller, planner, navigator = states
         self.stack(
             ros, up=False, controller_server=controller, planner_server=planner, bt_navigator=navigator
         )
-        logs(ros, "lifecycle_manager_navigation", f"Failed to change state for node: {named}")
-        comes_to_miss(
+        log_as_node(ros, "lifecycle_manager_navigation", f"Failed to change state for node: {named}")
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             f"node bt_navigator: state '{navigator}', must be 'active'. lifecycle_manager_navigation has given up starting Nav2, because {failed}. Restart Nav2",
@@ -424,12 +424,10 @@ class TestTheBringUpOfNav2:
             ("INFO", "\x1b[34m\x1b[1mActivating bt_navigator\x1b[0m\x1b[0m"),
         ],
     )
-    def test_says_that_a_navigator_has_died_while_it_was_started(
-        self, ros: Ros, level: str, text: str
-    ) -> None:
+    def test_navigator_crash_during_start_is_reported(self, ros: Ros, level: str, text: str) -> None:
         self.stack(ros, up=False, controller_server="inactive", planner_server="inactive")
-        logs(ros, "lifecycle_manager_navigation", text, level)
-        comes_to_miss(
+        log_as_node(ros, "lifecycle_manager_navigation", text, level)
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: missing (no service /bt_navigator/get_state). lifecycle_manager_navigation waits for "
@@ -439,23 +437,21 @@ class TestTheBringUpOfNav2:
     @pytest.mark.parametrize(
         "text", ["Configuring planner_server", "Waiting for service planner_server/get_state..."]
     )
-    def test_says_that_another_node_has_died_while_it_was_started_or_was_never_started(
-        self, ros: Ros, text: str
-    ) -> None:
+    def test_other_crashed_or_unstarted_node_is_reported(self, ros: Ros, text: str) -> None:
         self.stack(ros, up=None, controller_server="unconfigured", bt_navigator="unconfigured")
-        logs(ros, "planner_server", "Failed to create global planner.")
-        logs(ros, "lifecycle_manager_navigation", text, "INFO")
-        comes_to_miss(
+        log_as_node(ros, "planner_server", "Failed to create global planner.")
+        log_as_node(ros, "lifecycle_manager_navigation", text, "INFO")
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'unconfigured', must be 'active'. lifecycle_manager_navigation waits for planner_server, "
             'but the process of planner_server was not started or has crashed (planner_server: "Failed to create global planner."). Restart Nav2',
         )
 
-    def test_quotes_the_node_that_has_failed_even_if_it_was_the_first(self, ros: Ros) -> None:
+    def test_log_of_failed_first_node_is_quoted(self, ros: Ros) -> None:
         self.stack(ros, up=False, controller_server="unconfigured", bt_navigator="unconfigured")
-        logs(ros, "controller_server", "Failed to create controller. No plugin.")
-        comes_to_miss(
+        log_as_node(ros, "controller_server", "Failed to create controller. No plugin.")
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'unconfigured', must be 'active'. lifecycle_manager_navigation has given up starting Nav2, because "
@@ -463,26 +459,26 @@ class TestTheBringUpOfNav2:
             "Restart Nav2",
         )
 
-    def test_a_check_names_the_pose_where_that_is_what_is_missing(self, ros: Ros) -> None:
+    def test_check_names_missing_pose(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"), states=("active", "inactive"))
-        comes_to_miss(
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'inactive', must be 'active'. The localisation has no pose yet. Publish the pose on initialpose (in RViz: 2D Pose Estimate)",
         )
         assert nav2.poses == []
 
-    def test_says_which_node_is_waited_for_while_the_manager_is_at_work(self, ros: Ros) -> None:
+    def test_activating_node_is_named(self, ros: Ros) -> None:
         self.stack(ros, up=None, planner_server="activating", bt_navigator="inactive")
-        comes_to_miss(
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'inactive', must be 'active', and planner_server is 'activating'",
         )
 
-    def test_says_how_to_start_up_a_stack_that_nobody_has_started(self, ros: Ros) -> None:
+    def test_start_command_is_given_for_stack_without_autostart(self, ros: Ros) -> None:
         self.stack(ros, up=False, planner_server="unconfigured", bt_navigator="unconfigured")
-        comes_to_miss(
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=None),
             "node bt_navigator: state 'unconfigured', must be 'active'. lifecycle_manager_navigation has not started Nav2, "
@@ -490,7 +486,7 @@ class TestTheBringUpOfNav2:
             '/lifecycle_manager_navigation/manage_nodes nav2_msgs/srv/ManageLifecycleNodes "{command: 0}"',
         )
 
-    def test_leaves_nothing_behind_but_the_states_that_the_estimate_keeps(self, ros: Ros) -> None:
+    def test_wait_keeps_only_state_clients(self, ros: Ros) -> None:
         self.stack(ros, up=False, planner_server="inactive", bt_navigator="inactive")
         node = ros.node()
         missing(ros, readiness(node, Use.nav2(), initial_pose=None), 1.0)
@@ -502,7 +498,7 @@ class TestTheBringUpOfNav2:
 
 
 class TestNav2:
-    def test_is_ready_when_both_nodes_are_active_and_the_pose_was_answered(self, ros: Ros) -> None:
+    def test_tree_is_ready_when_nodes_are_active_and_pose_is_confirmed(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))
         wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=(1.0, 2.0, math.pi / 2)))
         pose = nav2.poses[0]
@@ -511,19 +507,19 @@ class TestNav2:
         assert pose.pose.pose.orientation.z == pytest.approx(math.sqrt(0.5))
         assert [pose.pose.covariance[index] for index in (0, 7, 35)] == [0.25, 0.25, 0.068]
 
-    def test_names_the_nodes_that_are_not_there(self, ros: Ros) -> None:
+    def test_missing_nodes_are_named(self, ros: Ros) -> None:
         assert missing(ros, readiness(ros.node(), Use.nav2(), initial_pose=None)) == [
             "node amcl: missing (no service /amcl/get_state)",
             "node bt_navigator: missing (no service /bt_navigator/get_state)",
         ]
 
-    def test_if_no_node_of_it_is_there_the_message_names_the_simulator(self, ros: Ros) -> None:
+    def test_message_names_simulator_if_nav2_is_absent(self, ros: Ros) -> None:
         from sar_compiler.ros.readiness import NotReadyError
 
         with pytest.raises(NotReadyError, match="add --sim to run in the simulator"):
             wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=None), 0.3)
 
-    def test_if_it_runs_in_another_namespace_the_message_does_not_name_the_simulator(self, ros: Ros) -> None:
+    def test_message_does_not_name_simulator_if_nav2_is_in_other_namespace(self, ros: Ros) -> None:
         from sar_compiler.ros.readiness import NotReadyError
 
         FakeNav2(ros.node("nav2", namespace="/robot3"))
@@ -533,7 +529,7 @@ class TestNav2:
             wait(ros, ready, 0.3)
         assert "--sim" not in str(caught.value)
 
-    def test_in_a_namespace_shows_the_full_names_that_it_looks_for(self, ros: Ros) -> None:
+    def test_full_names_are_shown_in_namespace(self, ros: Ros) -> None:
         node = ros.node("mission", namespace="/robot3")
         pose, *nodes = missing(ros, readiness(node, Use.nav2()))
         assert pose.startswith("topic amcl_pose (/robot3/amcl_pose): no response to the initial pose (")
@@ -543,29 +539,27 @@ class TestNav2:
             "node bt_navigator: missing (no service /robot3/bt_navigator/get_state)",
         ]
 
-    def test_in_a_namespace_shows_the_full_name_of_a_node_that_is_not_active(self, ros: Ros) -> None:
+    def test_full_name_of_inactive_node_is_shown_in_namespace(self, ros: Ros) -> None:
         FakeNav2(ros.node("nav2", namespace="/robot3"), states=("active", "inactive"))
-        comes_to_miss(
+        expect_missing(
             ros,
             readiness(ros.node("mission", namespace="/robot3"), Use.nav2()),
             "node bt_navigator (/robot3/bt_navigator): state 'inactive', must be 'active'",
         )
 
-    def test_names_the_state_of_a_node_that_is_not_active(self, ros: Ros) -> None:
+    def test_state_of_inactive_node_is_named(self, ros: Ros) -> None:
         FakeNav2(ros.node("nav2"), states=("active", "inactive"))
-        comes_to_miss(
+        expect_missing(
             ros, readiness(ros.node(), Use.nav2()), "node bt_navigator: state 'inactive', must be 'active'"
         )
 
-    def test_becomes_ready_when_a_node_becomes_active(self, ros: Ros) -> None:
+    def test_tree_becomes_ready_when_nodes_become_active(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"), states=("unconfigured", "inactive"))
         node = ros.node()
         node.create_timer(0.6, lambda: nav2.states.update(amcl="active", bt_navigator="active"))
         wait(ros, readiness(node, Use.nav2()))
 
-    def test_an_answer_that_is_lost_is_asked_for_again(
-        self, ros: Ros, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_lost_state_response_is_requested_again(self, ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
         from lifecycle_msgs.srv import GetState
         from rclpy.task import Future
 
@@ -590,7 +584,7 @@ class TestNav2:
         ros.spin_until(lambda: state.poll() is None, "the second answer")
         assert len(calls) >= 2
 
-    def test_says_that_a_node_does_not_answer(self, ros: Ros) -> None:
+    def test_unresponsive_node_is_reported(self, ros: Ros) -> None:
         from lifecycle_msgs.srv import GetState
         from rclpy.task import Future
 
@@ -603,26 +597,24 @@ class TestNav2:
         state = robot_estimate(ros.node()).lifecycle("amcl")
         ros.spin_until(lambda: "has not responded" in (state.poll() or ""), "the service")
 
-    def test_names_the_pose_that_was_not_answered(self, ros: Ros) -> None:
+    def test_unconfirmed_pose_is_named(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))
         nav2.answers = False
-        comes_to_miss(
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2(), initial_pose=(1.0, -2.0, 0.5)),
             "topic amcl_pose: no response to the initial pose (1.00, -2.00, yaw 0.50)",
         )
 
-    def test_says_that_nobody_listens_to_the_pose(self, ros: Ros) -> None:
+    def test_missing_subscriber_of_pose_is_reported(self, ros: Ros) -> None:
         FakeNav2(ros.node("nav2"), deaf=True)
-        comes_to_miss(
+        expect_missing(
             ros,
             readiness(ros.node(), Use.nav2()),
             "topic amcl_pose: no response to the initial pose (0.00, 0.00, yaw 0.00), and no node subscribes to initialpose",
         )
 
-    def test_publishes_the_pose_again_until_it_is_answered(
-        self, ros: Ros, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_pose_is_published_again_until_confirmed(self, ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("sar_compiler.ros.readiness._INITIAL_POSE_PERIOD_SEC", 0.1)
         nav2 = FakeNav2(ros.node("nav2"))
         nav2.answers = False
@@ -631,9 +623,7 @@ class TestNav2:
         nav2.answers = True
         wait(ros, ready)
 
-    def test_nothing_is_changed_while_something_else_must_be_there_first_but_all_is_asked(
-        self, ros: Ros
-    ) -> None:
+    def test_no_pose_is_sent_before_first_requirement_but_states_are_queried(self, ros: Ros) -> None:
         from sar_compiler.ros.clock import AWAKE
         from sar_compiler.ros.readiness import Readiness, Requirement
 
@@ -658,7 +648,7 @@ class TestNav2:
         wait(ros, ready)
         assert nav2.poses
 
-    def test_each_change_of_what_is_awaited_is_reported_in_the_operator_s_words(self, ros: Ros) -> None:
+    def test_each_change_of_awaited_items_is_reported_for_operator(self, ros: Ros) -> None:
         from sar_compiler.ros.readiness import Readiness, Requirement
 
         class First(Requirement):
@@ -680,20 +670,18 @@ class TestNav2:
         assert not ready.poll()
         assert [name for name, problem in told[-1] if problem] == ["detect survivor"]
 
-    def test_an_old_pose_kept_for_latecomers_is_no_answer(
-        self, ros: Ros, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_latched_old_pose_is_not_a_confirmation(self, ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("sar_compiler.ros.readiness._INITIAL_POSE_PERIOD_SEC", 0.1)
         nav2 = FakeNav2(ros.node("nav2"))
-        nav2.publisher.publish(located(0.3, -0.3))
+        nav2.publisher.publish(pose_message(0.3, -0.3))
         nav2.answers = False
         ready = readiness(ros.node(), Use.nav2())
         ros.spin_until(lambda: ready.poll() or len(nav2.poses) >= 3, "the pose for a third time")
-        comes_to_miss(ros, ready, "topic amcl_pose: no response to the initial pose (0.00, 0.00, yaw 0.00)")
+        expect_missing(ros, ready, "topic amcl_pose: no response to the initial pose (0.00, 0.00, yaw 0.00)")
 
-    def test_a_localised_robot_is_not_told_that_it_stands_elsewhere(self, ros: Ros) -> None:
+    def test_initial_pose_is_not_sent_to_robot_localised_elsewhere(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))
-        nav2.publisher.publish(located(-0.44, 0.60))
+        nav2.publisher.publish(pose_message(-0.44, 0.60))
         [line] = missing(ros, readiness(ros.node(), Use.nav2()), SILENCE_SEC)
         assert line.startswith(
             "the localisation locates the robot at (-0.44, 0.60), 0.74 m from initial_pose (0.00, 0.00). The initial "
@@ -702,10 +690,10 @@ class TestNav2:
         )
         assert nav2.poses == []
 
-    def test_resuming_is_offered_where_the_journal_of_the_mission_before_is_there(self, ros: Ros) -> None:
+    def test_resume_is_suggested_if_previous_mission_can_be_resumed(self, ros: Ros) -> None:
         from sar_compiler.ros.readiness import Readiness
 
-        FakeNav2(ros.node("nav2")).publisher.publish(located(2.0, 0.0))
+        FakeNav2(ros.node("nav2")).publisher.publish(pose_message(2.0, 0.0))
         ready = Readiness(ros.node(), [Use.nav2()], initial_pose=(0.0, 0.0, 0.0), can_resume=True)
         [line] = missing(ros, ready, SILENCE_SEC)
         assert "Resume the interrupted mission (--resume), drive back first" in line
@@ -720,10 +708,10 @@ class TestNav2:
             ((3.6, 0.0), (5.1, 5.0), True),
         ],
     )
-    def test_the_odometry_decides_whether_a_localisation_without_a_pose_is_told_one(
+    def test_odometry_decides_whether_initial_pose_is_sent(
         self, ros: Ros, odometry: tuple[float, float], place: tuple[float, float] | None, told: bool
     ) -> None:
-        """Told: a robot where its odometry has begun, or whose odometry or localisation agrees with `initial_pose`."""
+        """The pose is sent if the robot is at the start of its odometry, or if its odometry or localisation agrees with it."""
         from nav_msgs.msg import Odometry
 
         nav2, other, node = FakeNav2(ros.node("nav2")), ros.node("robot"), ros.node()
@@ -734,7 +722,7 @@ class TestNav2:
         other.create_timer(0.05, lambda: publisher.publish(message))
         ros.spin_until(lambda: node.count_publishers("odometry/filtered"), "the odometry")
         if place is not None:
-            nav2.publisher.publish(located(*place))
+            nav2.publisher.publish(pose_message(*place))
         ready = readiness(node, Use.nav2(), initial_pose=(5.0, 5.0, 0.0))
         if told:
             wait(ros, ready)
@@ -750,9 +738,7 @@ class TestNav2:
         ]
         assert nav2.poses == []
 
-    def test_a_robot_whose_localisation_says_its_place_by_transforms_alone_is_not_told_another(
-        self, ros: Ros
-    ) -> None:
+    def test_initial_pose_is_not_sent_to_robot_localised_by_transforms(self, ros: Ros) -> None:
         from geometry_msgs.msg import TransformStamped
         from nav_msgs.msg import Odometry
         from tf2_msgs.msg import TFMessage
@@ -788,8 +774,8 @@ class TestNav2:
         assert "locates the robot at (1.00, 2.00), 2.24 m from initial_pose (0.00, 0.00)" in line
         assert nav2.poses == []
 
-    def test_odometry_that_comes_after_the_transforms_is_waited_for(self, ros: Ros) -> None:
-        """On a busy computer: until then the transforms are no place."""
+    def test_odometry_is_awaited_after_transforms(self, ros: Ros) -> None:
+        """On a busy computer odometry can arrive late; until then the transforms give no position."""
         from geometry_msgs.msg import TransformStamped
         from nav_msgs.msg import Odometry
         from tf2_msgs.msg import TFMessage
@@ -810,16 +796,14 @@ class TestNav2:
         wait(ros, ready)
         assert nav2.poses
 
-    def test_a_robot_that_looks_elsewhere_keeps_the_yaw_of_its_localisation(
-        self, ros: Ros, said: Said
-    ) -> None:
+    def test_localisation_keeps_yaw_that_differs_from_initial_pose(self, ros: Ros, said: Said) -> None:
         nav2 = FakeNav2(ros.node("nav2"))
-        nav2.publisher.publish(located(0.1, 0.0))
+        nav2.publisher.publish(pose_message(0.1, 0.0))
         wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=(0.0, 0.0, 3.0)))
         assert nav2.poses == []
         assert said.has("The initial pose is not sent. The localisation keeps its yaw of 0.00 rad")
 
-    def test_a_localisation_of_a_simulation_that_begins_is_told_without_waiting(self, ros: Ros) -> None:
+    def test_localisation_of_new_simulation_receives_pose_at_once(self, ros: Ros) -> None:
         from sar_compiler.ros.readiness import LocalisationCheck
 
         nav2, node = FakeNav2(ros.node("nav2")), ros.node()
@@ -829,13 +813,13 @@ class TestNav2:
         ros.spin_until(lambda: nav2.poses, "the pose")
         localised.close()
 
-    def test_neither_publishes_nor_waits_for_a_pose_where_none_is_given(self, ros: Ros) -> None:
+    def test_no_pose_is_published_or_awaited_if_none_is_given(self, ros: Ros) -> None:
         nav2 = FakeNav2(ros.node("nav2"))
         nav2.answers = False
         wait(ros, readiness(ros.node(), Use.nav2(), initial_pose=None))
         assert nav2.poses == []
 
-    def test_leaves_nothing_behind_on_the_node(self, ros: Ros) -> None:
+    def test_wait_leaves_no_entities_on_node(self, ros: Ros) -> None:
         from sar_compiler.ros.nav2_log import nav2_log
 
         FakeNav2(ros.node("nav2"))
@@ -846,7 +830,7 @@ class TestNav2:
                 len(list(kind)) for kind in (node.publishers, node.subscriptions, node.clients, node.timers)
             ]
 
-        robot = robot_of(node)  # which stays, as the log of Nav2 does
+        robot = robot_of(node)  # is kept, like the log of Nav2
         for name in ("amcl", "bt_navigator"):
             robot.lifecycle(name)
         nav2_log(node)
@@ -856,20 +840,20 @@ class TestNav2:
         wait(ros, ready)
         assert entities() == before
 
-    def test_knows_whether_nav2_is_used(self, ros: Ros) -> None:
+    def test_use_of_nav2_is_detected(self, ros: Ros) -> None:
         node = ros.node()
         assert readiness(node, Use.nav2()).uses_nav2
         assert not readiness(node, Use.action("navigate_to_pose")).uses_nav2
 
 
 class TestClock:
-    def test_says_that_no_clock_has_come(self, ros: Ros) -> None:
+    def test_missing_clock_is_reported(self, ros: Ros) -> None:
         from rclpy.parameter import Parameter
 
         node = ros.node(parameter_overrides=[Parameter("use_sim_time", value=True)])
         assert missing(ros, readiness(node)) == ["use_sim_time is set, but no message has arrived on /clock"]
 
-    def test_is_ready_when_the_clock_has_come(self, ros: Ros) -> None:
+    def test_tree_is_ready_when_clock_has_arrived(self, ros: Ros) -> None:
         from rclpy.parameter import Parameter
         from rosgraph_msgs.msg import Clock
 
@@ -882,8 +866,8 @@ class TestClock:
         wait(ros, readiness(node))
 
 
-class TestTheWait:
-    def test_ends_early_when_nobody_waits_any_more(self, ros: Ros) -> None:
+class TestWait:
+    def test_wait_ends_early_on_cancellation(self, ros: Ros) -> None:
         from sar_compiler.ros.readiness import wait_until_ready
 
         watch = Stopwatch()
@@ -891,14 +875,14 @@ class TestTheWait:
         wait_until_ready(ros.executor, ready, 30.0, lambda: watch.passed_sec > 0.1)
         assert watch.own_sec < 1.0
 
-    def test_ends_when_the_context_goes_down(self, ros: Ros) -> None:
+    def test_wait_ends_when_context_is_shut_down(self, ros: Ros) -> None:
         node = ros.node()
         node.create_timer(0.05, ros.context.try_shutdown)
         watch = Stopwatch()
         wait(ros, readiness(node, Use.service("detect_survivor")), 30.0)
         assert watch.own_sec < 2.0
 
-    def test_has_one_budget_for_everything(self, ros: Ros) -> None:
+    def test_wait_has_one_timeout_for_everything(self, ros: Ros) -> None:
         watch = Stopwatch()
         missing(
             ros, readiness(ros.node(), Use.nav2(), Use.service("a"), Use.action("b"), Use.topic("c")), 0.4
@@ -906,7 +890,7 @@ class TestTheWait:
         assert watch.passed_sec >= 0.4
         assert watch.own_sec < 1.5
 
-    def test_says_now_and_then_what_it_waits_for(
+    def test_wait_reports_missing_items_periodically(
         self, ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         from sar_compiler.ros import readiness as module

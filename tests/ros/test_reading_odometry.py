@@ -1,4 +1,4 @@
-"""Odometry is read as it comes, without making a message of it."""
+"""Tests of reading serialized odometry without creating a message object."""
 
 import math
 import struct
@@ -10,8 +10,8 @@ pytestmark = pytest.mark.ros
 FRAMES = ("", "o", "odom", "base_link", "robot1/odom")
 
 
-def written(order: str, frame: str, child: str, numbers: list[float]) -> bytes:
-    """Return a message of odometry as a machine of a byte order writes it."""
+def serialize_odometry(order: str, frame: str, child: str, numbers: list[float]) -> bytes:
+    """Return an odometry message as a machine of a byte order serializes it."""
     data = struct.pack(f"{order}iI", 1, 2)
     for text in (frame, child):
         data += bytes(-len(data) % 4) + struct.pack(f"{order}I", len(text) + 1) + text.encode() + b"\0"
@@ -22,14 +22,14 @@ def written(order: str, frame: str, child: str, numbers: list[float]) -> bytes:
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("child", FRAMES)
 @pytest.mark.parametrize("frame", FRAMES)
-def test_frames_pose_and_speeds_are_those_of_the_message(order: str, frame: str, child: str) -> None:
+def test_frames_pose_and_speeds_match_message(order: str, frame: str, child: str) -> None:
     from nav_msgs.msg import Odometry
     from rclpy.serialization import deserialize_message
 
     from sar_compiler.ros.message_values import read_odometry
     from sar_compiler.ros.poses import yaw_of
 
-    message = written(order, frame, child, [math.sin(number) for number in range(85)])
+    message = serialize_odometry(order, frame, child, [math.sin(number) for number in range(85)])
     there = deserialize_message(message, Odometry)
     reading = read_odometry(message)
     (x, y, yaw), speeds = reading.pose, reading.speeds
@@ -41,7 +41,7 @@ def test_frames_pose_and_speeds_are_those_of_the_message(order: str, frame: str,
     assert [*speeds] == [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
 
 
-def test_what_the_middleware_writes_is_read() -> None:
+def test_message_serialized_by_middleware_is_read() -> None:
     from nav_msgs.msg import Odometry
     from rclpy.serialization import serialize_message
 

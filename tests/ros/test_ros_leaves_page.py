@@ -1,4 +1,4 @@
-"""The tree of `docs/how-to/leaves-by-attributes.md`, as printed, against real servers; and its tables against what is registered."""
+"""Tests of the tree in `docs/how-to/leaves-by-attributes.md` against real servers, and of its tables against the registered leaves."""
 
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ SPECS = {spec.tag: spec for spec in specs("jazzy")}
 
 
 class World:
-    """What the tree asks for: a battery, a transform, parameters and an action that may abort."""
+    """The servers that the tree calls: a battery, a transform, parameters and an action that may abort."""
 
     def __init__(self, ros: Ros, *, aborts: bool) -> None:
         from geometry_msgs.msg import TransformStamped
@@ -70,7 +70,7 @@ class World:
 
 @pytest.mark.ros
 @pytest.mark.parametrize("aborts", [False, True])
-def test_the_tree_of_the_page_calls_what_it_says(tmp_path: Path, make_ros: Any, aborts: bool) -> None:
+def test_tree_of_page_calls_described_servers(tmp_path: Path, make_ros: Any, aborts: bool) -> None:
     ros: Ros = make_ros()
     world = World(ros, aborts=aborts)
     (tmp_path / "inspection.xml").write_text(TREE, encoding="utf-8")
@@ -108,7 +108,7 @@ def rows(tag: str) -> dict[str, list[str]]:
 
 
 @pytest.mark.parametrize("tag", SPECS)
-def test_the_table_of_a_leaf_has_its_attributes_with_their_defaults(tag: str) -> None:
+def test_leaf_table_lists_attributes_with_defaults(tag: str) -> None:
     attributes = [each for each in SPECS[tag].parameters.values() if each.role is ParameterRole.ATTRIBUTE]
     table = rows(tag)
     assert set(table) == {each.name for each in attributes}

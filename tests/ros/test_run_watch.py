@@ -1,4 +1,4 @@
-"""Who watches a run for properties ends no mission, whatever goes wrong with the watch."""
+"""Tests of property monitoring: a failing monitor ends no mission."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -12,8 +12,8 @@ from sar_compiler.missions.mission import MissionRun
 pytestmark = pytest.mark.ros
 
 
-class Broken:
-    """A watch that fails at the first answer."""
+class FailingWatch:
+    """A watch that fails at the first status."""
 
     def __init__(self) -> None:
         self.alarms: list[Any] = []
@@ -36,10 +36,12 @@ class Broken:
         self.taken.append("conclude")
 
 
-def test_a_watch_that_fails_is_told_of_and_asked_no_more(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failing_watch_is_not_called_again_and_verdicts_remain(
+    ros: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from sar_compiler.execution.run_watch import PropertyWatch
 
-    tree, watch = stage_of(load("search_and_rescue")).play().simulated.compiled, Broken()
+    tree, watch = stage_of(load("search_and_rescue")).play().simulated.compiled, FailingWatch()
     engine: Any = SimpleNamespace(add_post_tick_handler=lambda _: None)
     run: Any = SimpleNamespace(
         node=ros.node("mission"),

@@ -1,4 +1,4 @@
-"""The runner: when it ticks, and how it stops."""
+"""Tests of the runner: when it ticks, and how it stops."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SLOW_MS = 60_000.0
 
 
 class Probe(py_trees.behaviour.Behaviour):
-    """Counts what happens to it; `on_update` may do anything."""
+    """Counts its calls; `on_update` may do anything."""
 
     def __init__(self, name: str = "Probe", on_update: Callable[[Probe], Status] | None = None) -> None:
         super().__init__(name)
@@ -58,7 +58,7 @@ class Probe(py_trees.behaviour.Behaviour):
 
 
 class Lingering(Probe):
-    """Has something under way for some time after it was stopped."""
+    """Settles some time after it was stopped."""
 
     def __init__(self, name: str, linger_sec: float) -> None:
         super().__init__(name)
@@ -74,7 +74,7 @@ class Lingering(Probe):
 
 
 class Unready(Probe):
-    """Cannot be set up."""
+    """Fails in setup."""
 
     def setup(self, **kwargs: Any) -> None:
         message = "boom"
@@ -89,7 +89,7 @@ def runner_of(root: py_trees.behaviour.Behaviour, node: Any, **kwargs: Any) -> T
     return runner
 
 
-def failing(probe: Probe) -> Status:
+def raise_arm_error(probe: Probe) -> Status:
     message = "the arm fell off"
     raise ValueError(message)
 
@@ -98,12 +98,12 @@ def sequence(*children: py_trees.behaviour.Behaviour) -> py_trees.composites.Seq
     return py_trees.composites.Sequence("Sequence", memory=True, children=list(children))
 
 
-def side_by_side(*children: py_trees.behaviour.Behaviour) -> py_trees.composites.Parallel:
+def parallel(*children: py_trees.behaviour.Behaviour) -> py_trees.composites.Parallel:
     return py_trees.composites.Parallel("Both", ParallelPolicy.SuccessOnAll(), list(children))
 
 
 class TestTicking:
-    def test_ticks_at_the_rate_it_was_given(self, ros: Ros) -> None:
+    def test_runner_ticks_at_given_rate(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         runner.tick_tock(20.0)
@@ -112,14 +112,14 @@ class TestTicking:
         assert watch.passed_sec > 0.36
         assert watch.own_sec < 2.0
 
-    def test_a_wake_ticks_at_once(self, ros: Ros) -> None:
+    def test_wake_ticks_at_once(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         runner.tick_tock(SLOW_MS)
         runner.wake()
         ros.spin_until(lambda: probe.updates == 1, "the tick that was asked for")
 
-    def test_a_wake_ticks_at_once_with_the_executor_of_events_too(self) -> None:
+    def test_wake_ticks_at_once_with_events_executor(self) -> None:
         from rclpy.context import Context
         from rclpy.node import Node
 
@@ -142,7 +142,7 @@ class TestTicking:
         node.destroy_node()
         context.try_shutdown()
 
-    def test_a_wake_that_an_executor_of_events_does_not_hear_keeps_no_tree(self) -> None:
+    def test_unprocessed_wake_of_events_executor_does_not_leak_tree(self) -> None:
         from rclpy.context import Context
         from rclpy.node import Node
 
@@ -168,7 +168,7 @@ class TestTicking:
         gc.collect()
         assert kept() is None
 
-    def test_many_wakes_before_a_tick_are_one(self, ros: Ros) -> None:
+    def test_wakes_before_tick_are_merged(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         runner.tick_tock(SLOW_MS)
@@ -177,7 +177,7 @@ class TestTicking:
         ros.spin_for(0.1)
         assert probe.updates == 1
 
-    def test_a_wake_during_a_tick_means_one_more_after_it(self, ros: Ros) -> None:
+    def test_wakes_during_tick_cause_one_more_tick(self, ros: Ros) -> None:
         def wake_twice(probe: Probe) -> Status:
             if probe.updates == 1:
                 probe.given["wake"]()
@@ -192,7 +192,7 @@ class TestTicking:
         ros.spin_for(0.1)
         assert probe.updates == 2
 
-    def test_a_wake_from_another_thread_ticks_in_the_executors(self, ros: Ros) -> None:
+    def test_wake_from_other_thread_ticks_in_executor_thread(self, ros: Ros) -> None:
         threads: list[threading.Thread] = []
 
         def note(_: Probe) -> Status:
@@ -207,7 +207,7 @@ class TestTicking:
         other.join()
         assert threads == [threading.current_thread()]
 
-    def test_a_wake_leaves_the_period_alone(self, ros: Ros) -> None:
+    def test_wake_does_not_shift_period(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         runner.tick_tock(SLOW_MS)
@@ -219,7 +219,7 @@ class TestTicking:
         passed_sec = time.monotonic() - begun
         assert runner._beat._timers[0].time_until_next_call() / 1e9 <= SLOW_MS / 1e3 - passed_sec
 
-    def test_a_wake_before_it_ticks_or_after_it_stopped_does_nothing(self, ros: Ros) -> None:
+    def test_wake_before_start_or_after_stop_does_nothing(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         runner.wake()
@@ -232,7 +232,7 @@ class TestTicking:
         ros.spin_for(0.05)
         assert probe.updates == 0
 
-    def test_counts_wakes_among_the_iterations_and_ends_after_the_last(self, ros: Ros) -> None:
+    def test_wakes_count_as_iterations_and_last_iteration_ends_ticking(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         runner.tick_tock(10.0, number_of_iterations=3)
@@ -241,7 +241,7 @@ class TestTicking:
         ros.spin_for(0.05)
         assert (probe.updates, runner.count, probe.ends) == (3, 3, [])
 
-    def test_no_iterations_are_no_tick(self, ros: Ros) -> None:
+    def test_zero_iterations_do_not_tick(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         runner.tick_tock(5.0, number_of_iterations=0)
@@ -249,7 +249,7 @@ class TestTicking:
         ros.spin_for(0.05)
         assert (probe.updates, runner.is_running) == (0, False)
 
-    def test_can_be_started_again_after_its_iterations(self, ros: Ros) -> None:
+    def test_runner_can_be_started_again_after_iterations(self, ros: Ros) -> None:
         runner = runner_of(Probe(), ros.node())
         runner.tick_tock(5.0, number_of_iterations=2)
         ros.spin_until(lambda: not runner.is_running, "the end of the iterations")
@@ -257,7 +257,7 @@ class TestTicking:
         ros.spin_until(lambda: runner.count == 4, "two more ticks")
 
     @pytest.mark.parametrize("until", [Status.SUCCESS, [Status.FAILURE, Status.SUCCESS]])
-    def test_ends_at_the_status_that_it_is_told_and_keeps_it(self, ros: Ros, until: Any) -> None:
+    def test_ticking_ends_at_given_status_and_keeps_it(self, ros: Ros, until: Any) -> None:
         probe = Probe(on_update=lambda probe: Status.SUCCESS if probe.updates == 3 else Status.RUNNING)
         runner = runner_of(probe, ros.node())
         runner.tick_tock(5.0, until=until)
@@ -279,7 +279,7 @@ class TestTicking:
         ros.spin_until(lambda: not runner.is_running, "one tick")
         assert order == ["before", "added before", "tick", "added after", "after"]
 
-    def test_visitors_see_what_was_ticked(self, ros: Ros) -> None:
+    def test_visitors_see_ticked_behaviours(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         visitor = py_trees.visitors.SnapshotVisitor()
@@ -288,7 +288,7 @@ class TestTicking:
         assert list(visitor.visited) == [probe.id]
 
     @pytest.mark.parametrize("period", [0.0, -1.0, float("nan")])
-    def test_refuses_a_period_that_is_none(self, ros: Ros, period: float) -> None:
+    def test_invalid_period_is_rejected(self, ros: Ros, period: float) -> None:
         runner = runner_of(Probe(), ros.node())
         with pytest.raises(ValueError, match="above 0 ms"):
             runner.tick_tock(period)
@@ -316,7 +316,7 @@ class TestClocks:
     def shows(self, node: Any, nanoseconds: float) -> bool:
         return bool(node.get_clock().now().nanoseconds == nanoseconds)
 
-    def test_ticks_by_simulated_time(self, ros: Ros) -> None:
+    def test_runner_ticks_by_simulated_time(self, ros: Ros) -> None:
         probe = Probe()
         node = self.sim_node(ros)
         set_time = self.clock(ros)
@@ -331,13 +331,13 @@ class TestClocks:
             ros.spin_for(0.002)
         assert 9 <= probe.updates <= 11
 
-    def test_ticks_by_the_steady_clock_while_there_is_no_time(self, ros: Ros) -> None:
+    def test_runner_ticks_by_steady_clock_without_simulated_time(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, self.sim_node(ros))
         runner.tick_tock(20.0)
         ros.spin_until(lambda: probe.updates >= 5, "ticks without /clock")
 
-    def test_ticks_by_the_steady_clock_while_time_stands_still(self, ros: Ros) -> None:
+    def test_runner_ticks_by_steady_clock_while_simulated_time_is_frozen(self, ros: Ros) -> None:
         probe = Probe()
         node = self.sim_node(ros)
         set_time = self.clock(ros)
@@ -349,7 +349,7 @@ class TestClocks:
         ros.spin_until(lambda: probe.updates >= 10, "ticks while /clock stands still")
         assert watch.own_sec < 2.0
 
-    def test_leaves_time_that_is_only_slow_alone(self, ros: Ros) -> None:
+    def test_slow_simulated_time_is_not_replaced(self, ros: Ros) -> None:
         probe = Probe()
         node = self.sim_node(ros)
         set_time = self.clock(ros)
@@ -362,7 +362,7 @@ class TestClocks:
             ros.spin_for(0.02)
         assert probe.updates == 0
 
-    def test_does_not_tick_twice_while_the_systems_clock_runs(self, ros: Ros) -> None:
+    def test_runner_does_not_tick_twice_with_system_clock(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         watch = Stopwatch()
@@ -370,7 +370,7 @@ class TestClocks:
         ros.spin_for(0.5)
         assert probe.updates <= watch.passed_sec / 0.02 + 1
 
-    def test_the_nodes_clock_is_a_clock_for_trees(self, ros: Ros) -> None:
+    def test_node_clock_serves_as_tree_clock(self, ros: Ros) -> None:
         from sar_compiler.ros.clock import mission_clock
 
         node = self.sim_node(ros)
@@ -384,7 +384,7 @@ class TestClocks:
 
 
 class TestStopping:
-    def test_stops_the_tree_from_its_root(self, ros: Ros) -> None:
+    def test_stop_stops_tree_from_root(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(sequence(probe), ros.node())
         runner.tick_tock(5.0)
@@ -395,7 +395,7 @@ class TestStopping:
         assert (probe.ends, probe.updates, runner.is_running) == ([Status.INVALID], ticks, False)
         assert runner.last_status == Status.RUNNING
 
-    def test_an_interrupt_from_another_thread_stops_in_the_executors(self, ros: Ros) -> None:
+    def test_interrupt_from_other_thread_stops_tree(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         runner.tick_tock(SLOW_MS)
@@ -407,7 +407,7 @@ class TestStopping:
         other.join()
         assert not runner.is_running
 
-    def test_a_handler_can_stop_on_the_status_of_the_tick(self, ros: Ros) -> None:
+    def test_handler_can_stop_on_tick_status(self, ros: Ros) -> None:
         probe = Probe(on_update=lambda probe: Status.SUCCESS if probe.updates == 3 else Status.RUNNING)
         runner = runner_of(probe, ros.node())
 
@@ -419,7 +419,7 @@ class TestStopping:
         ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert (probe.updates, runner.count, runner.last_status) == (3, 3, Status.SUCCESS)
 
-    def test_a_leaf_that_stops_the_runner_finishes_its_tick(self, ros: Ros) -> None:
+    def test_leaf_that_stops_runner_finishes_its_tick(self, ros: Ros) -> None:
         def stop(_: Probe) -> Status:
             runner.stop()
             return Status.RUNNING
@@ -430,7 +430,7 @@ class TestStopping:
         ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert (probe.updates, probe.ends, runner.failure) == (1, [Status.INVALID], None)
 
-    def test_settles_when_the_leaves_have(self, ros: Ros) -> None:
+    def test_settle_waits_for_leaves(self, ros: Ros) -> None:
         leaf = Lingering("Driving", 0.15)
         runner = runner_of(leaf, ros.node())
         runner.tick()
@@ -439,13 +439,13 @@ class TestStopping:
         assert watch.passed_sec > 0.1
         assert watch.own_sec < 1.0
 
-    def test_names_the_leaves_that_do_not_settle_in_time(self, ros: Ros) -> None:
+    def test_settle_names_leaves_that_do_not_settle_in_time(self, ros: Ros) -> None:
         quick, slow = Lingering("Quick", 0.0), Lingering("Slow", 60.0)
-        runner = runner_of(side_by_side(quick, slow), ros.node())
+        runner = runner_of(parallel(quick, slow), ros.node())
         runner.tick()
         assert runner.settle(ros.executor, timeout_sec=0.1) == ["Slow"]
 
-    def test_settling_ends_when_the_context_goes_down(self, ros: Ros) -> None:
+    def test_settle_ends_when_context_is_shut_down(self, ros: Ros) -> None:
         runner = runner_of(Lingering("Slow", 60.0), ros.node())
         runner.tick()
         ros.context.try_shutdown()
@@ -453,15 +453,15 @@ class TestStopping:
         assert runner.settle(ros.executor, timeout_sec=10.0) == ["Slow"]
         assert watch.own_sec < 2.0
 
-    def test_a_callback_that_raises_does_not_keep_the_goals_from_settling(self, ros: Ros, said: Said) -> None:
+    def test_failing_callback_does_not_prevent_settling(self, ros: Ros, said: Said) -> None:
         node = ros.node()
-        node.create_timer(0.01, lambda: failing(Probe()))
+        node.create_timer(0.01, lambda: raise_arm_error(Probe()))
         runner = runner_of(Lingering("Driving", 0.1), node)
         runner.tick()
         assert runner.settle(ros.executor) == []
         assert said.has("while the tree was stopped", "the arm fell off")
 
-    def test_is_not_ticked_again(self, ros: Ros) -> None:
+    def test_stopped_runner_cannot_tick(self, ros: Ros) -> None:
         runner = runner_of(Probe(), ros.node())
         runner.stop()
         with pytest.raises(RuntimeError, match="stopped"):
@@ -471,10 +471,10 @@ class TestStopping:
 
 
 class TestFailing:
-    def test_keeps_the_exception_names_the_leaf_and_lets_the_executor_live(
+    def test_leaf_exception_is_stored_and_logged_without_stopping_executor(
         self, ros: Ros, said: Said
     ) -> None:
-        probe = Probe("Grip", on_update=failing)
+        probe = Probe("Grip", on_update=raise_arm_error)
         runner = runner_of(sequence(probe), ros.node())
         runner.tick_tock(5.0)
         ros.spin_until(lambda: not runner.is_running, "the end of the tree")
@@ -482,38 +482,34 @@ class TestFailing:
         assert runner.failed_behaviour is probe
         assert said.has("'Grip' (Probe)", "ValueError: the arm fell off")
 
-    def test_stops_the_siblings_of_the_leaf_that_failed(self, ros: Ros) -> None:
-        driving, broken = Probe("Driving"), Probe("Grip", on_update=failing)
-        runner = runner_of(sequence(side_by_side(driving, broken)), ros.node())
+    def test_siblings_of_failing_leaf_are_stopped(self, ros: Ros) -> None:
+        driving, broken = Probe("Driving"), Probe("Grip", on_update=raise_arm_error)
+        runner = runner_of(sequence(parallel(driving, broken)), ros.node())
         runner.tick_tock(5.0)
         ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert driving.ends == [Status.INVALID]
         assert all(node.status != Status.RUNNING for node in runner.root.iterate())
 
-    def test_stops_the_leaf_that_failed_too_because_it_had_begun(self, ros: Ros) -> None:
-        broken = Probe("Grip", on_update=failing)
+    def test_failing_leaf_itself_is_stopped(self, ros: Ros) -> None:
+        broken = Probe("Grip", on_update=raise_arm_error)
         runner = runner_of(broken, ros.node())
         runner.tick_tock(5.0)
         ros.spin_until(lambda: not runner.is_running, "the end of the tree")
         assert (broken.starts, broken.ends) == (1, [Status.INVALID])
 
-    def test_a_leaf_that_fails_while_it_is_stopped_does_not_spare_the_others(
-        self, ros: Ros, said: Said
-    ) -> None:
+    def test_failure_in_terminate_does_not_prevent_stopping_others(self, ros: Ros, said: Said) -> None:
         class Stubborn(Probe):
             def terminate(self, new_status: Status) -> None:
-                failing(self)
+                raise_arm_error(self)
 
         driving = Probe("Driving")
-        runner = runner_of(side_by_side(Stubborn("Stubborn"), driving), ros.node())
+        runner = runner_of(parallel(Stubborn("Stubborn"), driving), ros.node())
         runner.tick()
         runner.stop()
         assert driving.ends == [Status.INVALID]
         assert said.has("'Stubborn' failed while it was stopped", "the arm fell off", ", in terminate")
 
-    def test_a_leaf_that_raises_what_ends_an_iteration_is_named_with_its_line(
-        self, ros: Ros, said: Said
-    ) -> None:
+    def test_leaf_that_raises_stop_iteration_is_named_with_line(self, ros: Ros, said: Said) -> None:
         def exhausted(_: Probe) -> Status:
             return next(iter(()))
 
@@ -525,7 +521,7 @@ class TestFailing:
         line = f"tests/ros/test_runner.py:{Probe.update.__code__.co_firstlineno + 2}, in update"
         assert said.has(f"'Reader' (Probe) failed: StopIteration ({line}). The tree is stopped.")
 
-    def test_a_handler_that_fails_is_not_blamed_on_a_leaf(self, ros: Ros, said: Said) -> None:
+    def test_handler_failure_is_not_attributed_to_leaf(self, ros: Ros, said: Said) -> None:
         def fail(_: py_trees.trees.BehaviourTree) -> None:
             message = "the disk is full"
             raise ValueError(message)
@@ -538,7 +534,7 @@ class TestFailing:
         assert said.has("a tick handler failed")
 
     @pytest.mark.parametrize("returned", [None, True, "SUCCESS"])
-    def test_an_update_that_returns_no_status_fails_and_says_what_it_returned(
+    def test_update_without_status_fails_and_reports_returned_value(
         self, ros: Ros, said: Said, returned: Any
     ) -> None:
         probe = Probe("Out", on_update=lambda _: returned)
@@ -551,7 +547,7 @@ class TestFailing:
             "Return Status.SUCCESS, FAILURE or RUNNING. The tree is stopped."
         )
 
-    def test_a_leaf_that_forgets_its_status_later_on_ends_its_time_out_too(self, ros: Ros) -> None:
+    def test_later_missing_status_ends_enclosing_timeout(self, ros: Ros) -> None:
         from sar_compiler.runtime.clock import ManualClock
         from sar_compiler.runtime.stock import Timeout
 
@@ -565,7 +561,7 @@ class TestFailing:
         assert (runner.failed_behaviour, probe.updates) == (probe, 3)
         assert set(probe.ends) == {Status.INVALID}
 
-    def test_a_leaf_may_be_invalid(self, ros: Ros) -> None:
+    def test_leaf_may_return_invalid(self, ros: Ros) -> None:
         probe = Probe(on_update=lambda _: Status.INVALID)
         runner = runner_of(probe, ros.node())
         runner.tick_tock(5.0, number_of_iterations=3)
@@ -577,14 +573,14 @@ class TestFailing:
         runner_of(root, ros.node())
         assert [type(each) for each in root.iterate()] == [Probe, py_trees.composites.Sequence]
 
-    def test_a_single_tick_raises_what_the_leaf_raised(self, ros: Ros) -> None:
-        runner = runner_of(Probe(on_update=failing), ros.node())
+    def test_single_tick_raises_leaf_exception(self, ros: Ros) -> None:
+        runner = runner_of(Probe(on_update=raise_arm_error), ros.node())
         with pytest.raises(ValueError, match="arm"):
             runner.tick()
 
 
 class TestSetupAndShutdown:
-    def test_hands_the_node_and_a_wake_to_every_leaf(self, ros: Ros) -> None:
+    def test_setup_passes_node_and_wake_to_leaf(self, ros: Ros) -> None:
         probe = Probe()
         node = ros.node()
         runner_of(sequence(probe), node, extra=3)
@@ -592,9 +588,7 @@ class TestSetupAndShutdown:
         assert probe.given["extra"] == 3
         assert callable(probe.given["wake"])
 
-    def test_names_the_leaf_at_which_the_time_for_setup_was_over(
-        self, ros: Ros, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_setup_timeout_names_leaf(self, ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
         from sar_compiler.ros.runner import SetupTimeoutError
 
         clock = ManualClock()
@@ -608,7 +602,7 @@ class TestSetupAndShutdown:
             runner_of(sequence(Dawdling("Dawdling"), Probe()), ros.node(), timeout=10.0)
         assert caught.value.behaviour == "Dawdling"
 
-    def test_names_the_leaf_whose_setup_raises(self, ros: Ros) -> None:
+    def test_failing_setup_names_leaf(self, ros: Ros) -> None:
         from sar_compiler.ros.engine import SetupFailedError
 
         with pytest.raises(SetupFailedError) as caught:
@@ -618,9 +612,7 @@ class TestSetupAndShutdown:
         )
         assert isinstance(caught.value.__cause__, ValueError)
 
-    def test_what_was_set_up_before_a_setup_that_raises_is_stopped_and_shut_down_once(
-        self, ros: Ros, said: Said
-    ) -> None:
+    def test_leaves_before_failing_setup_are_stopped_and_shut_down_once(self, ros: Ros, said: Said) -> None:
         from sar_compiler.ros.engine import SetupFailedError
         from sar_compiler.ros.runner import TreeRunner
 
@@ -633,7 +625,7 @@ class TestSetupAndShutdown:
         assert (untouched.ends, untouched.shutdowns, unready.shutdowns) == ([], 0, 0)
         assert not said.has("could not be shut down")
 
-    def test_a_setup_that_says_in_words_what_is_wrong_is_passed_on(self, ros: Ros) -> None:
+    def test_sar_error_in_setup_is_passed_on(self, ros: Ros) -> None:
         from sar_compiler.errors import SarError
 
         class Particular(Probe):
@@ -644,7 +636,7 @@ class TestSetupAndShutdown:
         with pytest.raises(SarError, match=r"^the arm is not plugged in$"):
             runner_of(sequence(Particular()), ros.node())
 
-    def test_can_be_set_up_with_a_time_limit_off_the_main_thread(self, ros: Ros) -> None:
+    def test_setup_with_timeout_works_outside_main_thread(self, ros: Ros) -> None:
         probe = Probe()
         node = ros.node()
         thread = threading.Thread(target=lambda: runner_of(probe, node, timeout=5.0))
@@ -652,23 +644,23 @@ class TestSetupAndShutdown:
         thread.join()
         assert probe.given["node"] is node
 
-    def test_shows_every_behaviour_to_the_visitor_of_the_setup(self, ros: Ros) -> None:
+    def test_setup_visitor_sees_every_behaviour(self, ros: Ros) -> None:
         visitor = py_trees.visitors.SnapshotVisitor()
         probe = Probe()
         runner_of(probe, ros.node(), visitor=visitor)
         assert list(visitor.visited) == [probe.id]
 
-    def test_refuses_what_is_not_a_node(self) -> None:
+    def test_setup_rejects_invalid_node(self) -> None:
         with pytest.raises(TypeError, match="rclpy node"):
             runner_of(Probe(), "node")
 
-    def test_must_be_set_up_before_it_ticks(self) -> None:
+    def test_ticking_requires_setup(self) -> None:
         from sar_compiler.ros.runner import TreeRunner
 
         with pytest.raises(RuntimeError, match="setup"):
             TreeRunner(Probe()).tick_tock(5.0)
 
-    def test_refuses_a_tree_too_deep_to_be_stopped(self, ros: Ros) -> None:
+    def test_too_deep_tree_is_rejected(self, ros: Ros) -> None:
         from sar_compiler.ros.engine import TreeTooDeepError
 
         root: py_trees.behaviour.Behaviour = Probe()
@@ -677,9 +669,9 @@ class TestSetupAndShutdown:
         with pytest.raises(TreeTooDeepError, match="801 nested levels"):
             runner_of(root, ros.node())
 
-    # What traces, as the measuring of coverage does, has a share of Python 3.12's stack at each level.
+    # Tracing, as for coverage, uses part of Python 3.12's stack at each level.
     @pytest.mark.unmeasured
-    def test_ticks_and_stops_a_tree_of_the_greatest_depth(self, ros: Ros) -> None:
+    def test_tree_of_greatest_depth_ticks_and_stops(self, ros: Ros) -> None:
         probe = Probe()
         root: py_trees.behaviour.Behaviour = probe
         for _ in range(798):
@@ -690,7 +682,7 @@ class TestSetupAndShutdown:
         runner.stop()
         assert (runner.failure, probe.ends) == (None, [Status.INVALID])
 
-    def test_shutdown_may_be_called_twice_and_reaches_the_leaves(self, ros: Ros) -> None:
+    def test_shutdown_may_be_called_twice_and_reaches_leaves(self, ros: Ros) -> None:
         probe = Probe()
         runner = runner_of(probe, ros.node())
         runner.tick_tock(5.0)
@@ -700,20 +692,20 @@ class TestSetupAndShutdown:
         assert probe.shutdowns == 1
         assert probe.ends == [Status.INVALID]
 
-    def test_shutdown_does_not_raise_when_the_context_is_down(self, ros: Ros) -> None:
+    def test_shutdown_works_after_context_is_shut_down(self, ros: Ros) -> None:
         runner = runner_of(Probe(), ros.node())
         runner.tick_tock(5.0)
         ros.context.try_shutdown()
         runner.wake()
         runner.shutdown()
 
-    def test_shutdown_leaves_a_node_that_it_was_given(self, ros: Ros) -> None:
+    def test_shutdown_keeps_given_node(self, ros: Ros) -> None:
         node = ros.node()
         runner_of(Probe(), node).shutdown()
         assert node.get_name() == "tester"
         node.create_timer(1.0, lambda: None)
 
-    def test_makes_a_node_of_its_own_where_none_is_given(self) -> None:
+    def test_runner_creates_and_destroys_own_node(self) -> None:
         import rclpy
         from rclpy.exceptions import InvalidHandle
 
@@ -730,8 +722,8 @@ class TestSetupAndShutdown:
             rclpy.try_shutdown()
 
 
-def contract_shaped(log: list[str]) -> py_trees.behaviour.Behaviour:
-    """Make a tree of the mission's shape: a patrol that is resumed, and one way home."""
+def make_mission_shaped_tree(log: list[str]) -> py_trees.behaviour.Behaviour:
+    """Make a tree of the mission's shape: a patrol that is resumed, and one drive home."""
 
     def stepping(name: str, length: int) -> Probe:
         def step(probe: Probe) -> Status:
@@ -749,13 +741,13 @@ def contract_shaped(log: list[str]) -> py_trees.behaviour.Behaviour:
     return py_trees.composites.Selector("Root", memory=False, children=[patrol, home])
 
 
-def test_a_tree_does_the_same_under_py_trees_own_manager(ros: Ros) -> None:
+def test_tree_behaves_as_under_py_trees_manager(ros: Ros) -> None:
     ours: list[str] = []
     theirs: list[str] = []
-    runner = runner_of(contract_shaped(ours), ros.node())
+    runner = runner_of(make_mission_shaped_tree(ours), ros.node())
     runner.tick_tock(2.0, number_of_iterations=15)
     ros.spin_until(lambda: not runner.is_running, "15 ticks")
-    tree = py_trees.trees.BehaviourTree(contract_shaped(theirs))
+    tree = py_trees.trees.BehaviourTree(make_mission_shaped_tree(theirs))
     tree.setup()
     for _ in range(15):
         tree.tick()

@@ -1,4 +1,4 @@
-"""Missions that claim the same robot."""
+"""Tests of missions that claim the same robot."""
 
 import json
 from collections.abc import Callable
@@ -22,11 +22,11 @@ def mission(ros: Ros, name: str = "first", actions: list[str] = DRIVE, **options
     return RobotLease(node, actions, DiscoveryWait(node, 0.0), **options)
 
 
-def seen(ros: Ros, one: RobotLease, number: int = 1) -> None:
+def wait_for_claims(ros: Ros, one: RobotLease, number: int = 1) -> None:
     ros.spin_until(lambda: len(one._others) == number, "the other mission's claim")
 
 
-def test_alone_on_a_robot_it_is_clear_after_the_look_around(ros: Ros) -> None:
+def test_lease_is_clear_after_discovery_wait(ros: Ros) -> None:
     node = ros.node("first")
     alone = RobotLease(node, DRIVE, DiscoveryWait(node, 0.2))
     assert alone.poll() == "looking for another mission on this robot"
@@ -34,7 +34,7 @@ def test_alone_on_a_robot_it_is_clear_after_the_look_around(ros: Ros) -> None:
     assert alone.conflict() == ""
 
 
-def test_it_looks_around_anew_when_a_node_comes_into_sight(ros: Ros) -> None:
+def test_new_node_restarts_discovery_wait(ros: Ros) -> None:
     node = ros.node("first")
     alone = RobotLease(node, DRIVE, DiscoveryWait(node, 0.2))
     ros.spin_until(lambda: alone.poll() is None, "the end of the look around")
@@ -43,7 +43,7 @@ def test_it_looks_around_anew_when_a_node_comes_into_sight(ros: Ros) -> None:
     ros.spin_until(lambda: alone.poll() is None, "its end")
 
 
-def test_neither_nodes_that_are_there_already_nor_its_own_ones_prolong_the_look(
+def test_existing_and_own_nodes_do_not_extend_discovery_wait(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node, now = ros.node("first"), [100.0]
@@ -60,7 +60,7 @@ def test_neither_nodes_that_are_there_already_nor_its_own_ones_prolong_the_look(
     assert alone.poll()
 
 
-def test_the_look_begins_with_the_node_but_claims_have_time_to_arrive(
+def test_discovery_wait_begins_with_node_and_leaves_time_for_claims(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     node, now = ros.node("first"), [100.0]
@@ -78,9 +78,7 @@ def test_the_look_begins_with_the_node_but_claims_have_time_to_arrive(
     assert alone.poll() is None
 
 
-def test_it_looks_around_no_longer_than_ten_times_as_long_where_nodes_keep_coming(
-    ros: Ros, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_discovery_wait_is_limited_to_ten_times_its_length(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     node, now = ros.node("first"), [100.0]
     monkeypatch.setattr("sar_compiler.ros.discovery_wait.time.monotonic", lambda: now[0])
     names: list[str] = []
@@ -94,7 +92,7 @@ def test_it_looks_around_no_longer_than_ten_times_as_long_where_nodes_keep_comin
     assert now[0] == 110.0
 
 
-def test_one_that_runs_goes_before_one_that_begins_whoever_is_older(ros: Ros) -> None:
+def test_running_mission_takes_precedence_over_older_starting_mission(ros: Ros) -> None:
     newcomer, running = mission(ros, "newcomer"), mission(ros, "running")
     running.run()
     ros.spin_until(lambda: any(each.runs for each in newcomer._others.values()), "the claim of what runs")
@@ -103,16 +101,16 @@ def test_one_that_runs_goes_before_one_that_begins_whoever_is_older(ros: Ros) ->
     assert running.conflict() == ""
 
 
-def test_of_two_that_begin_at_once_the_younger_gives_way(ros: Ros) -> None:
+def test_younger_of_two_starting_missions_gives_way(ros: Ros) -> None:
     older, younger = mission(ros, "older"), mission(ros, "younger")
-    seen(ros, older)
-    seen(ros, younger)
+    wait_for_claims(ros, older)
+    wait_for_claims(ros, younger)
     assert older.poll() is None
     with pytest.raises(AnotherMissionError):
         younger.poll()
 
 
-def test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way(ros: Ros, said: Said) -> None:
+def test_younger_of_two_running_missions_gives_way(ros: Ros, said: Said) -> None:
     older, younger = mission(ros, "older"), mission(ros, "younger")
     older.run()
     younger.run()
@@ -123,24 +121,24 @@ def test_of_two_that_run_and_have_not_seen_each_other_the_younger_gives_way(ros:
     assert said.has("Another mission claims this robot: node /younger")
 
 
-def test_another_action_is_another_robot(ros: Ros) -> None:
+def test_different_action_means_different_robot(ros: Ros) -> None:
     mission(ros, "first", ["robot1/navigate_to_pose"]).run()
     second = mission(ros, "second", ["robot2/navigate_to_pose"])
     ros.spin_for(0.3)
     assert second.poll() is None
 
 
-def test_who_only_looks_claims_nothing_and_sees_all(ros: Ros) -> None:
+def test_observer_claims_nothing_and_sees_running_mission(ros: Ros) -> None:
     running = mission(ros, "running")
     running.run()
     looking = mission(ros, "looking", claims=False)
-    seen(ros, looking)
+    wait_for_claims(ros, looking)
     with pytest.raises(AnotherMissionError):
         looking.poll()
     assert running._others == {}
 
 
-def test_one_that_has_ended_says_nothing_to_the_next(make_ros: Callable[[], Ros]) -> None:
+def test_ended_mission_does_not_affect_next_one(make_ros: Callable[[], Ros]) -> None:
     first = make_ros()
     mission(first).run()
     first.close()
@@ -162,19 +160,19 @@ def test_one_that_has_ended_says_nothing_to_the_next(make_ros: Callable[[], Ros]
         "[" * 100_000,
     ],
 )
-def test_what_is_no_claim_is_not_heeded(ros: Ros, text: str) -> None:
+def test_invalid_claim_is_ignored(ros: Ros, text: str) -> None:
     alone = mission(ros)
     alone._on_claim(String(data=text))
     assert alone.poll() is None
 
 
-def test_what_another_says_of_itself_is_shown_without_what_a_terminal_would_obey() -> None:
+def test_claim_description_escapes_control_characters_and_is_shortened() -> None:
     claim = LeaseClaim("a", runs=True, since=1, key="k", node="\x1b[2J\nfine", host="h" * 500, pid=7)
     assert claim.describe() == f"node \\x1b[2J\\nfine (process 7 on {'h' * 80})"
 
 
-def claims(ros: Ros, count: int, **changes: Any) -> None:
-    """Claim the robot again and again, each time as somebody else."""
+def publish_claims(ros: Ros, count: int, **changes: Any) -> None:
+    """Claim the robot again and again, each time as another mission."""
     node = ros.node("stranger")
     latched = QoSProfile(depth=count, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = node.create_publisher(String, "/navigate_to_pose/_mission", latched)
@@ -183,10 +181,10 @@ def claims(ros: Ros, count: int, **changes: Any) -> None:
         publisher.publish(String(data=json.dumps(claim._replace(**changes)._asdict())))
 
 
-def test_claims_without_end_are_told_eight_times_and_forgotten(ros: Ros, said: Said) -> None:
+def test_flood_of_claims_is_reported_eight_times_and_limited(ros: Ros, said: Said) -> None:
     running = mission(ros, "running")
     running.run()
-    claims(ros, 300)
+    publish_claims(ros, 300)
     ros.spin_until(lambda: running.conflict() == "" and said.has("Further missions"), "the end of it")
     ros.spin_for(0.3)
     assert running.conflict() == ""
@@ -194,19 +192,17 @@ def test_claims_without_end_are_told_eight_times_and_forgotten(ros: Ros, said: S
     assert len([line for line in said.lines() if "Another mission claims this robot" in line]) == 8
 
 
-def test_one_that_goes_before_is_heeded_among_claims_without_end(ros: Ros) -> None:
+def test_claim_with_precedence_is_honoured_during_flood(ros: Ros) -> None:
     running = mission(ros, "running")
     running.run()
-    claims(ros, 300)
+    publish_claims(ros, 300)
     ros.spin_until(lambda: len(running._others) == 8, "the claims")
-    claims(ros, 1, runs=True, since=1, key="older")
+    publish_claims(ros, 1, runs=True, since=1, key="older")
     ros.spin_until(running.conflict, "the older mission's claim")
     assert len(running._others) == 8
 
 
-def test_a_node_of_the_same_name_is_told_once_when_it_is_no_shadow(
-    ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_node_of_same_name_is_reported_once(ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sar_compiler.ros.robot_lease.SHADOW_SEC", 0.2)
     running = mission(ros, "search_and_rescue")
     assert running.conflict() == ""

@@ -1,4 +1,4 @@
-"""The messages of `behavior_tree_log`, over DDS."""
+"""Tests of listening to `behavior_tree_log`, over DDS."""
 
 import pytest
 from builtin_interfaces.msg import Time
@@ -9,7 +9,7 @@ from sar_compiler.ros.tree_log_listener import TreeLogListener
 pytestmark = pytest.mark.ros
 
 
-def test_the_changes_of_a_topic_are_read_as_from_a_bag(ros):
+def test_status_changes_of_topic_are_read_as_from_bag(ros):
     from nav2_msgs.msg import BehaviorTreeLog, BehaviorTreeStatusChange
 
     listener = TreeLogListener(ros.node("watch"), "behavior_tree_log")
@@ -41,7 +41,7 @@ def test_the_changes_of_a_topic_are_read_as_from_a_bag(ros):
     assert listener.messages() == []
 
 
-def test_the_lines_that_nav2_logs_are_read_as_from_a_bag(ros):
+def test_log_lines_of_nav2_are_read_as_from_bag(ros):
     from rcl_interfaces.msg import Log
 
     listener = TreeLogListener(ros.node("watch"), "behavior_tree_log")

@@ -1,4 +1,4 @@
-"""A robot that moves although no goal of its mission is active."""
+"""Tests of a robot that moves although no goal of its mission is active."""
 
 import uuid
 from typing import Any
@@ -17,7 +17,7 @@ SUCCEEDED, ABORTED = 4, 6
 
 
 class Robot:
-    """A robot that moves as a test says, servers that count who cancels, and the goals of a mission."""
+    """A robot whose speed the test sets, servers that record cancel requests, and the goals of a mission."""
 
     def __init__(self, ros: Ros) -> None:
         from action_msgs.msg import GoalStatusArray
@@ -62,7 +62,7 @@ class Robot:
         return cancel
 
     def drive(self) -> str:
-        """Begin a goal of the mission, and return its id."""
+        """Start a goal of the mission, and return its id."""
         goal = uuid.uuid4().hex
         self._goals.before_sending(goal, ACTION)
         return goal
@@ -76,7 +76,7 @@ def robot(ros: Ros) -> Robot:
     return Robot(ros)
 
 
-def test_what_may_drive_on_after_an_abort_is_cancelled_before_it_is_reported(
+def test_possible_motion_after_abort_is_cancelled_before_report(
     robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sar_compiler.ros.dependency_monitor._BRAKES_SEC", 3600.0)
@@ -89,9 +89,7 @@ def test_what_may_drive_on_after_an_abort_is_cancelled_before_it_is_reported(
     assert not said.has("The robot moves")
 
 
-def test_a_robot_that_drives_on_after_an_abort_is_told_within_a_second_and_gets_everything_cancelled(
-    robot: Robot, said: Said
-) -> None:
+def test_motion_after_abort_is_reported_and_all_goals_are_cancelled(robot: Robot, said: Said) -> None:
     robot.end(robot.drive())
     watch = Stopwatch()
     robot.speed = 0.25
@@ -106,10 +104,10 @@ def test_a_robot_that_drives_on_after_an_abort_is_told_within_a_second_and_gets_
     robot.ros.spin_until(lambda: said.has("The robot has stopped."), "its stop")
 
 
-def test_what_begins_to_drive_seconds_after_an_abort_gets_everything_cancelled(
+def test_motion_that_begins_seconds_after_abort_is_cancelled(
     robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A starved controller of Nav2 was seen to begin with a goal 3 s after its navigator had given it up."""
+    """A starved controller of Nav2 was observed to start a goal 3 s after its navigator had given it up."""
     monkeypatch.setattr("sar_compiler.ros.dependency_monitor._LATEST_SEC", 0.1)
     robot.end(robot.drive())
     robot.ros.spin_for(1.0)
@@ -119,7 +117,7 @@ def test_what_begins_to_drive_seconds_after_an_abort_gets_everything_cancelled(
 
 
 @pytest.mark.parametrize(("status", "latest"), [(SUCCEEDED, "_LATEST_SEC"), (ABORTED, "_LATEST_ABORTED_SEC")])
-def test_what_begins_to_drive_later_than_that_is_only_reported(
+def test_later_motion_is_only_reported(
     robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch, status: int, latest: str
 ) -> None:
     monkeypatch.setattr(f"sar_compiler.ros.dependency_monitor.{latest}", 0.1)
@@ -130,20 +128,20 @@ def test_what_begins_to_drive_later_than_that_is_only_reported(
     assert robot.cancelled == []
 
 
-def test_a_robot_that_does_not_stop_is_cancelled_again(robot: Robot) -> None:
+def test_persistent_motion_is_cancelled_again(robot: Robot) -> None:
     robot.end(robot.drive())
     robot.speed = 0.25
     robot.ros.spin_until(lambda: len(robot.cancelled) >= 2 * len(SERVERS), "the second cancels")
 
 
-def test_what_a_silent_server_leaves_driving_is_stopped_as_well(robot: Robot) -> None:
+def test_motion_after_lost_goal_is_cancelled(robot: Robot) -> None:
     goal = robot.drive()
     robot.speed = 0.25
     robot._goals.mark_lost(goal)
     robot.ros.spin_until(lambda: robot.cancelled, "the cancels")
 
 
-def test_nothing_is_cancelled_while_a_goal_of_the_mission_is_active(robot: Robot, said: Said) -> None:
+def test_motion_is_not_cancelled_while_mission_goal_is_active(robot: Robot, said: Said) -> None:
     robot.end(robot.drive())
     robot.drive()
     robot.speed = 0.25
@@ -153,7 +151,7 @@ def test_nothing_is_cancelled_while_a_goal_of_the_mission_is_active(robot: Robot
     assert not said.has("The robot moves")
 
 
-def test_another_client_s_goal_is_not_cancelled_and_its_movement_is_told(robot: Robot, said: Said) -> None:
+def test_goal_of_other_client_is_not_cancelled_and_motion_is_reported(robot: Robot, said: Said) -> None:
     from action_msgs.msg import GoalStatus, GoalStatusArray
 
     foreign = GoalStatus(status=GoalStatus.STATUS_EXECUTING)
@@ -166,7 +164,7 @@ def test_another_client_s_goal_is_not_cancelled_and_its_movement_is_told(robot: 
     assert robot.cancelled == []
 
 
-def test_a_robot_that_somebody_drives_by_hand_is_only_told(robot: Robot, said: Said) -> None:
+def test_manual_driving_is_only_reported(robot: Robot, said: Said) -> None:
     robot.speed = 0.25
     robot.ros.spin_until(
         lambda: said.has(
@@ -177,9 +175,7 @@ def test_a_robot_that_somebody_drives_by_hand_is_only_told(robot: Robot, said: S
     assert robot.cancelled == []
 
 
-def test_a_robot_that_brakes_is_no_robot_that_drives_on(
-    robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_braking_robot_is_not_reported(robot: Robot, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
     goal, clock = robot.drive(), ManualClock()
     monkeypatch.setattr(robot.motion, "_now", lambda: (clock.now(), clock.now()))
     robot.speed = 0.25
@@ -194,7 +190,7 @@ def test_a_robot_that_brakes_is_no_robot_that_drives_on(
     assert not said.has("The robot moves")
 
 
-def test_without_odometry_the_end_of_a_goal_counts_and_that_is_told_once(robot: Robot, said: Said) -> None:
+def test_missing_odometry_is_reported_once_after_end_of_goal(robot: Robot, said: Said) -> None:
     robot.speed = None
     robot.ros.spin_until(lambda: robot.estimate.moves is None, "the silence")
     robot.end(robot.drive())
@@ -205,6 +201,6 @@ def test_without_odometry_the_end_of_a_goal_counts_and_that_is_told_once(robot: 
     assert robot.estimate.is_standing is None
 
 
-def test_a_speed_that_is_no_number_says_nothing(robot: Robot) -> None:
+def test_invalid_speed_makes_motion_unknown(robot: Robot) -> None:
     robot.speed = float("nan")
     robot.ros.spin_until(lambda: robot.estimate.moves is None, "the end of what it said before")

@@ -1,4 +1,4 @@
-"""What reads a sensor uses no value outside the definition of its message, reports it once, and goes on with what it knew."""
+"""Tests that a sensor value outside the definition of its message is not used, is reported once, and leaves the last value in place."""
 
 import math
 from collections.abc import Callable
@@ -20,22 +20,22 @@ pytestmark = pytest.mark.ros
 DAY_SEC = 86_400
 
 
-def logged(node: Any, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Return the list that a node's warnings are written to from now on."""
+def capture_warnings(node: Any, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return a list to which the node's further warnings are added."""
     lines: list[str] = []
     monkeypatch.setattr(node.get_logger(), "warning", lines.append)
     return lines
 
 
-def later(node: Any, seconds: float) -> Any:
-    """Return the stamp of a time by a node's clock."""
+def stamp_after(node: Any, seconds: float) -> Any:
+    """Return the stamp of a time after now by a node's clock."""
     from rclpy.duration import Duration
 
     return (node.get_clock().now() + Duration(seconds=seconds)).to_msg()
 
 
 class Robot:
-    """A robot whose localisation and odometry say what a test has them say, and the estimate of another node."""
+    """A robot whose localisation and odometry the test controls, and the estimate of another node."""
 
     def __init__(self, ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -45,7 +45,7 @@ class Robot:
 
         self.ros, self.node = ros, ros.node("robot")
         mission = ros.node("mission")
-        self.warnings = logged(mission, monkeypatch)
+        self.warnings = capture_warnings(mission, monkeypatch)
         self.estimate: RobotEstimate = robot_estimate(mission)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._poses = self.node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
@@ -59,7 +59,7 @@ class Robot:
         from geometry_msgs.msg import PoseWithCovarianceStamped
 
         message = PoseWithCovarianceStamped()
-        message.header.frame_id, message.header.stamp = "map", later(self.node, 0.0)
+        message.header.frame_id, message.header.stamp = "map", stamp_after(self.node, 0.0)
         message.pose.pose.position.x = x
         change(message)
         self._poses.publish(message)
@@ -69,7 +69,7 @@ class Robot:
         from nav_msgs.msg import Odometry
 
         message = Odometry(child_frame_id="base_link")
-        message.header.frame_id, message.header.stamp = "odom", later(self.node, 0.0)
+        message.header.frame_id, message.header.stamp = "odom", stamp_after(self.node, 0.0)
         message.pose.pose.position.x = message.twist.twist.linear.x = x
         change(message)
         self._odometry.publish(message)
@@ -79,7 +79,7 @@ class Robot:
         from tf2_msgs.msg import TFMessage
 
         frame = TransformStamped(child_frame_id="odom")
-        frame.header.frame_id, frame.header.stamp = "map", later(self.node, 0.0)
+        frame.header.frame_id, frame.header.stamp = "map", stamp_after(self.node, 0.0)
         frame.transform.translation.x = 2.0
         change(frame)
         self._transforms.publish(TFMessage(transforms=[frame]))
@@ -101,8 +101,8 @@ def setter(path: str, value: Any) -> Callable[[Any], None]:
     return change
 
 
-def stamped(seconds: float) -> Callable[[Any], None]:
-    """Return what puts a stamp of another time into a message."""
+def shift_stamp(seconds: float) -> Callable[[Any], None]:
+    """Return a function that shifts the stamp of a message."""
 
     def change(message: Any) -> None:
         message.header.stamp.sec += round(seconds)
@@ -120,11 +120,11 @@ def stamped(seconds: float) -> Callable[[Any], None]:
         (lambda message: message.pose.covariance.__setitem__(0, -0.5), "must be 0 or more"),
         (lambda message: message.pose.covariance.__setitem__(35, -0.5), "must be 0 or more"),
         (setter("header.frame_id", "robot1/map"), "is in the frame 'robot1/map', but must be in 'map'"),
-        (stamped(3600.0), "in the future"),
-        (stamped(2 * DAY_SEC), "use_sim_time"),
+        (shift_stamp(3600.0), "in the future"),
+        (shift_stamp(2 * DAY_SEC), "use_sim_time"),
     ],
 )  # fmt: skip
-def test_a_pose_that_is_none_is_reported_and_the_last_one_stays(
+def test_invalid_pose_is_reported_and_last_pose_is_kept(
     robot: Robot, change: Callable[[Any], None], said: str
 ) -> None:
     robot.until(robot.pose, lambda: robot.estimate.pose, "a pose")
@@ -138,7 +138,7 @@ def test_a_pose_that_is_none_is_reported_and_the_last_one_stays(
     assert robot.estimate.pose_problem == ""
 
 
-def test_a_variance_that_is_rounded_below_zero_or_not_of_the_plane_harms_nothing(robot: Robot) -> None:
+def test_rounded_negative_or_non_planar_variance_is_accepted(robot: Robot) -> None:
     def change(message: Any) -> None:
         message.pose.covariance[0], message.pose.covariance[14] = -1e-12, math.nan
 
@@ -146,8 +146,8 @@ def test_a_variance_that_is_rounded_below_zero_or_not_of_the_plane_harms_nothing
     assert robot.warnings == []
 
 
-def test_a_robot_that_stands_has_said_so_long_ago(robot: Robot) -> None:
-    robot.until(lambda: robot.pose(stamped(-DAY_SEC)), lambda: robot.estimate.pose, "an old pose")
+def test_old_pose_is_accepted(robot: Robot) -> None:
+    robot.until(lambda: robot.pose(shift_stamp(-DAY_SEC)), lambda: robot.estimate.pose, "an old pose")
     assert robot.warnings == []
 
 
@@ -157,12 +157,12 @@ def test_a_robot_that_stands_has_said_so_long_ago(robot: Robot) -> None:
         (setter("pose.pose.position.x", math.nan), "is not a position"),
         (setter("pose.pose.orientation.w", 0.0), "the length of the quaternion"),
         (setter("twist.twist.linear.x", math.nan), "the speed is nan m/s"),
-        (stamped(3600.0), "in the future"),
-        (stamped(-3600.0), " s old, but may be at most 30 s"),
-        (stamped(-2 * DAY_SEC), "use_sim_time"),
+        (shift_stamp(3600.0), "in the future"),
+        (shift_stamp(-3600.0), " s old, but may be at most 30 s"),
+        (shift_stamp(-2 * DAY_SEC), "use_sim_time"),
     ],
 )  # fmt: skip
-def test_odometry_that_is_none_is_reported_and_the_last_one_stays(
+def test_invalid_odometry_is_reported_and_last_odometry_is_kept(
     robot: Robot, change: Callable[[Any], None], said: str
 ) -> None:
     robot.until(robot.odometry, lambda: robot.estimate.odometry, "odometry")
@@ -171,7 +171,7 @@ def test_odometry_that_is_none_is_reported_and_the_last_one_stays(
     assert said in robot.warnings[0]
 
 
-def test_a_robot_whose_odometry_has_lost_its_pose_moves_all_the_same(robot: Robot) -> None:
+def test_speed_is_used_although_odometry_pose_is_invalid(robot: Robot) -> None:
     lost = setter("pose.pose.position.x", math.nan)
     robot.until(lambda: robot.odometry(lost), lambda: robot.estimate.moves, "the speed")
     assert robot.estimate.odometry is None
@@ -182,11 +182,11 @@ def test_a_robot_whose_odometry_has_lost_its_pose_moves_all_the_same(robot: Robo
     [
         (setter("transform.translation.x", math.nan), "the translation of 'odom' is (nan, 0.0, 0.0)"),
         (setter("transform.rotation.w", 0.5), "the length of the quaternion is 0.5"),
-        (stamped(3600.0), "in the future"),
-        (stamped(-3600.0), "s old, but may be at most 30 s"),
+        (shift_stamp(3600.0), "in the future"),
+        (shift_stamp(-3600.0), "s old, but may be at most 30 s"),
     ],
 )
-def test_a_transform_that_is_none_places_no_robot(
+def test_invalid_transform_is_reported_and_gives_no_pose(
     robot: Robot, change: Callable[[Any], None], said: str
 ) -> None:
     def both() -> None:
@@ -200,13 +200,15 @@ def test_a_transform_that_is_none_places_no_robot(
     assert "'/tf'" in robot.warnings[0]
 
 
-def heard(leaf: TopicLeaf, ros: Ros, publisher: Any, message: Any, condition: Callable[[], object]) -> None:
+def publish_and_tick(
+    leaf: TopicLeaf, ros: Ros, publisher: Any, message: Any, condition: Callable[[], object]
+) -> None:
     ros.spin_until(lambda: (publisher.publish(message), condition())[1], "what comes of the message")
     leaf.tick_once()
 
 
 class TestTopicLeaf:
-    """A leaf by attributes, as any `TopicLeaf`."""
+    """Tests of a leaf by attributes, as an example of every `TopicLeaf`."""
 
     def leaf(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch, field: str = "percentage"
@@ -214,7 +216,7 @@ class TestTopicLeaf:
         from sensor_msgs.msg import BatteryState
 
         node, value = ros.node("mission"), Output[object]()
-        lines = logged(node, monkeypatch)
+        lines = capture_warnings(node, monkeypatch)
         leaf = RosTopic(
             "Battery", Input("battery"), "sensor_msgs/msg/BatteryState", field=read_path(field), value=value
         )
@@ -222,45 +224,45 @@ class TestTopicLeaf:
         return leaf, value, lines, ros.node("driver").create_publisher(BatteryState, "battery", 10)
 
     @pytest.mark.parametrize("percentage", [85.0, math.nan, math.inf, -0.1])
-    def test_a_value_outside_its_definition_is_no_message(
+    def test_message_with_invalid_value_is_ignored(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch, percentage: float
     ) -> None:
         from sensor_msgs.msg import BatteryState
 
         leaf, value, lines, publisher = self.leaf(ros, monkeypatch)
-        heard(leaf, ros, publisher, BatteryState(percentage=percentage), lambda: lines)
+        publish_and_tick(leaf, ros, publisher, BatteryState(percentage=percentage), lambda: lines)
         assert (leaf.status, value.value) == (Status.FAILURE, None)
         assert "no message on 'battery' (percentage is " in leaf.feedback_message
-        heard(leaf, ros, publisher, BatteryState(percentage=0.25), lambda: leaf.message)
+        publish_and_tick(leaf, ros, publisher, BatteryState(percentage=0.25), lambda: leaf.message)
         assert (leaf.status, value.value) == (Status.SUCCESS, 0.25)
         assert len(lines) == 1
 
-    def test_a_field_that_is_not_read_may_be_unknown(self, ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_unread_field_may_be_invalid(self, ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
         from sensor_msgs.msg import BatteryState
 
         leaf, value, lines, publisher = self.leaf(ros, monkeypatch, "voltage")
         message = BatteryState(percentage=math.nan, voltage=24.5)
-        heard(leaf, ros, publisher, message, lambda: leaf.message)
+        publish_and_tick(leaf, ros, publisher, message, lambda: leaf.message)
         assert (leaf.status, value.value, lines) == (Status.SUCCESS, 24.5, [])
 
     @pytest.mark.parametrize(
         ("seconds", "said"),
         [(60.0, "in the future"), (-60.0, " s old, but may be at most 5 s"), (-10 * DAY_SEC, "use_sim_time")],
     )
-    def test_a_message_of_another_time_is_no_message(
+    def test_message_with_implausible_stamp_is_ignored(
         self, ros: Ros, monkeypatch: pytest.MonkeyPatch, seconds: float, said: str
     ) -> None:
         from sensor_msgs.msg import BatteryState
 
         leaf, _, lines, publisher = self.leaf(ros, monkeypatch)
         message = BatteryState(percentage=0.5)
-        message.header.stamp = later(leaf.node, seconds)
-        heard(leaf, ros, publisher, message, lambda: lines)
+        message.header.stamp = stamp_after(leaf.node, seconds)
+        publish_and_tick(leaf, ros, publisher, message, lambda: lines)
         assert leaf.status is Status.FAILURE
         assert said in lines[0]
 
 
-def test_a_leaf_that_finds_its_message_unusable_has_none(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_leaf_fails_on_unusable_message(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     from sensor_msgs.msg import BatteryState
 
     class Charged(TopicLeaf):
@@ -271,16 +273,16 @@ def test_a_leaf_that_finds_its_message_unusable_has_none(ros: Ros, monkeypatch: 
 
     leaf = Charged("Charged?")
     leaf.setup(node=ros.node("mission"))
-    lines = logged(leaf.node, monkeypatch)
+    lines = capture_warnings(leaf.node, monkeypatch)
     publisher = ros.node("driver").create_publisher(BatteryState, "battery", 10)
     for share, status in ((85.0, Status.FAILURE), (0.5, Status.SUCCESS)):
-        heard(leaf, ros, publisher, BatteryState(percentage=share), lambda: leaf.message)
+        publish_and_tick(leaf, ros, publisher, BatteryState(percentage=share), lambda: leaf.message)
         assert leaf.status is status
     assert [line.startswith("Topic 'battery': percentage is 85") for line in lines] == [True]
 
 
 @pytest.mark.parametrize(("seconds", "said"), [(60.0, "s in the future"), (-2 * DAY_SEC, "use_sim_time")])
-def test_a_transform_of_another_time_says_nothing_of_now(ros: Ros, seconds: float, said: str) -> None:
+def test_transform_with_implausible_stamp_is_not_used(ros: Ros, seconds: float, said: str) -> None:
     from geometry_msgs.msg import TransformStamped
     from tf2_msgs.msg import TFMessage
 
@@ -288,9 +290,9 @@ def test_a_transform_of_another_time_says_nothing_of_now(ros: Ros, seconds: floa
     leaf.setup(node=ros.node("mission"))
     publisher = ros.node("localisation").create_publisher(TFMessage, "/tf", 10)
     frames = [TransformStamped(child_frame_id=child) for child in ("odom", "base_link")]
-    # Only one of two transforms in a row is wrong, the other one is of now.
-    frames[0].header.frame_id, frames[0].header.stamp = "map", later(leaf.node, seconds)
-    frames[1].header.frame_id, frames[1].header.stamp = "odom", later(leaf.node, 0.0)
+    # Only one of two chained transforms is wrong, the other one is current.
+    frames[0].header.frame_id, frames[0].header.stamp = "map", stamp_after(leaf.node, seconds)
+    frames[1].header.frame_id, frames[1].header.stamp = "odom", stamp_after(leaf.node, 0.0)
 
     def fails_with_the_reason() -> bool:
         publisher.publish(TFMessage(transforms=frames))

@@ -1,4 +1,4 @@
-"""What is watched while a tree runs: the localisation that is started again."""
+"""Tests of monitoring Nav2 while a tree runs, such as a localisation that is restarted."""
 
 import math
 import time
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.ros
 
 
 class Nav2:
-    """Nav2 as the watch sees it, and the robot's odometry."""
+    """Nav2 as the monitor sees it, and the robot's odometry."""
 
     def __init__(self, ros: Ros) -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -72,7 +72,7 @@ class Nav2:
 
 
 class Scene:
-    """A watch that is asked to look as often as a test likes."""
+    """A monitor that the test polls."""
 
     def __init__(self, ros: Ros, said: Said) -> None:
         from sar_compiler.nodes.spec import Use
@@ -89,7 +89,7 @@ class Scene:
         self.ros.spin_until(looked, what)
 
     def begin(self, odometry: float | None = 0.0, pose: tuple[float, float] | None = (1.5, -2.0)) -> None:
-        """Have the robot localised, and the watch know it."""
+        """Localise the robot, and wait until the monitor knows it."""
         known = self.watch._localisation
         assert known is not None
         if odometry is not None:
@@ -100,7 +100,7 @@ class Scene:
         self.until(lambda: known._known, "Nav2's being active")
 
     def measured(self, odometry: float) -> None:
-        """Have the odometry say that the robot is so many metres ahead."""
+        """Publish odometry with the robot so many metres ahead, until it has arrived."""
         known = self.watch._localisation
         assert known is not None
 
@@ -124,7 +124,7 @@ def scene(ros: Ros, said: Said, monkeypatch: pytest.MonkeyPatch) -> Scene:
     return Scene(ros, said)
 
 
-def test_the_last_pose_is_given_again_if_the_robot_has_not_moved(scene: Scene) -> None:
+def test_last_pose_is_sent_again_if_robot_has_not_moved(scene: Scene) -> None:
     scene.begin()
     scene.restart_amcl()
     scene.until(lambda: scene.nav2.given, "the pose")
@@ -134,7 +134,7 @@ def test_the_last_pose_is_given_again_if_the_robot_has_not_moved(scene: Scene) -
     scene.until(lambda: scene.said.has("Nav2 is active again."), "the end of the loss")
 
 
-def test_a_node_that_stays_unconfigured_is_named_once_with_the_command_that_starts_it(
+def test_unconfigured_node_is_named_once_with_start_command(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from sar_compiler.ros import dependency_monitor
@@ -152,7 +152,7 @@ def test_a_node_that_stays_unconfigured_is_named_once_with_the_command_that_star
     assert sum("has not configured it" in each for each in scene.said.lines()) == 1
 
 
-def test_a_robot_that_has_moved_is_asked_for(scene: Scene) -> None:
+def test_operator_is_asked_for_pose_if_robot_has_moved(scene: Scene) -> None:
     scene.begin()
     scene.measured(0.3)
     scene.restart_amcl()
@@ -160,7 +160,7 @@ def test_a_robot_that_has_moved_is_asked_for(scene: Scene) -> None:
     assert scene.nav2.given == []
 
 
-def test_without_odometry_the_operator_is_asked(scene: Scene) -> None:
+def test_operator_is_asked_for_pose_without_odometry(scene: Scene) -> None:
     scene.begin(odometry=None)
     scene.restart_amcl()
     scene.until(
@@ -169,14 +169,14 @@ def test_without_odometry_the_operator_is_asked(scene: Scene) -> None:
     assert scene.nav2.given == []
 
 
-def test_without_a_last_pose_the_operator_is_asked(scene: Scene) -> None:
+def test_operator_is_asked_for_pose_without_last_pose(scene: Scene) -> None:
     scene.begin(pose=None)
     scene.restart_amcl()
     scene.until(lambda: scene.said.has("its last pose is unknown"), "the question")
     assert scene.nav2.given == []
 
 
-def test_a_navigator_that_was_deactivated_alone_is_given_no_pose(scene: Scene) -> None:
+def test_no_pose_is_sent_if_only_navigator_is_inactive(scene: Scene) -> None:
     scene.begin()
     scene.nav2.navigator = "inactive"
     scene.until(lambda: scene.said.has("Nav2 is no longer active"), "the loss")
@@ -186,7 +186,7 @@ def test_a_navigator_that_was_deactivated_alone_is_given_no_pose(scene: Scene) -
     assert not scene.said.has("The localisation is back")
 
 
-def test_what_the_robot_lacks_is_in_the_journal_until_it_is_back(scene: Scene) -> None:
+def test_missing_navigation_is_in_journal_until_it_is_back(scene: Scene) -> None:
     from sar_compiler.journal.journal import Journal
     from sar_compiler.ros.robot_observer import RobotObserver
 
@@ -204,7 +204,7 @@ def test_what_the_robot_lacks_is_in_the_journal_until_it_is_back(scene: Scene) -
     ]
 
 
-def test_the_battery_is_in_the_journal_where_it_has_changed(scene: Scene) -> None:
+def test_battery_changes_are_in_journal(scene: Scene) -> None:
     from sensor_msgs.msg import BatteryState
 
     from sar_compiler.journal.journal import Journal
@@ -220,9 +220,7 @@ def test_the_battery_is_in_the_journal_where_it_has_changed(scene: Scene) -> Non
     assert told == [0.9, 0.85]
 
 
-def test_a_robot_whose_nav2_is_not_heard_lacks_that_and_nothing_else(
-    scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_lost_discovery_replaces_other_missing_items(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     scene.begin()
     known = scene.watch._localisation
     assert known is not None
@@ -232,7 +230,7 @@ def test_a_robot_whose_nav2_is_not_heard_lacks_that_and_nothing_else(
     assert known._robot.lacks == scene.watch.lost_discovery == "it receives nothing from amcl"
 
 
-def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Scene) -> None:
+def test_node_is_missing_until_it_responds_again(scene: Scene) -> None:
     scene.begin()
     robot = scene.watch._localisation._robot  # type: ignore[union-attr]
     scene.nav2.stop_amcl()
@@ -252,7 +250,7 @@ def test_a_node_that_is_back_and_has_not_answered_yet_is_lacked_still(scene: Sce
     assert lacks[-1] == ""
 
 
-def test_whoever_asks_for_a_node_s_state_shares_what_is_known_of_it_and_how_old_that_is(ros: Ros) -> None:
+def test_state_of_node_is_shared_with_its_age(ros: Ros) -> None:
     from sar_compiler.ros.robot_estimate import robot_estimate
 
     Nav2(ros)
@@ -266,15 +264,13 @@ def test_whoever_asks_for_a_node_s_state_shares_what_is_known_of_it_and_how_old_
     drives = robot_estimate(node).driving_nodes
     ros.spin_until(lambda: drives.obstacle() == "", "the states of both")
     drives.ignore_answers()
-    # What was known before does not count any more, and one question is enough for all.
+    # Earlier answers are no longer used, and one query serves all users.
     assert drives.obstacle() is None
     ros.spin_until(lambda: drives.obstacle() == "", "their answers")
     assert len([each for each in node.clients if each.srv_name == "amcl/get_state"]) == 1
 
 
-def test_transforms_that_stop_are_told_and_their_return(
-    scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stop_and_return_of_transforms_are_reported(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     from geometry_msgs.msg import TransformStamped
     from rclpy.serialization import serialize_message
     from tf2_msgs.msg import TFMessage
@@ -303,7 +299,7 @@ def test_transforms_that_stop_are_told_and_their_return(
     )
 
 
-def test_transforms_between_other_frames_are_none_from_map(scene: Scene) -> None:
+def test_transforms_between_other_frames_are_not_from_map(scene: Scene) -> None:
     from geometry_msgs.msg import TransformStamped
     from rclpy.serialization import serialize_message
     from tf2_msgs.msg import TFMessage
@@ -317,7 +313,7 @@ def test_transforms_between_other_frames_are_none_from_map(scene: Scene) -> None
 
 @pytest.mark.slow
 @pytest.mark.parametrize("transforms", [True, False])
-def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
+def test_killed_localisation_is_reported_within_four_seconds(
     ros: Ros, said: Said, serve: Any, *, transforms: bool
 ) -> None:
     from lifecycle_msgs.srv import GetState
@@ -348,7 +344,7 @@ def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds(
 
 
 @pytest.mark.slow
-def test_transforms_that_stop_are_told_while_a_node_of_nav2_answers_nothing(
+def test_stop_of_transforms_is_reported_while_nav2_node_is_unresponsive(
     ros: Ros, said: Said, serve: Any
 ) -> None:
     from sar_compiler.nodes.spec import Use
