@@ -1,4 +1,4 @@
-"""Running a command in the process of the tests."""
+"""Run a command in the process of the tests."""
 
 import signal
 
@@ -13,7 +13,7 @@ def run(capsys, *arguments):
 
 
 def press_ctrl_c(budget):
-    """Interrupt an analysis the first time that it is asked whether its budget is spent: in the place of `Budget.is_spent`."""
+    """Send SIGINT the first time that an analysis checks its budget; replaces `Budget.is_spent`."""
     if not budget.is_interrupted:
         signal.raise_signal(signal.SIGINT)
     return budget.is_interrupted

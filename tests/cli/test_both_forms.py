@@ -1,4 +1,4 @@
-"""A tree compiles to the same, whichever form it is written in."""
+"""Tests that the XML form and the YAML form of a tree compile to equal trees."""
 
 import json
 
@@ -9,12 +9,12 @@ from sar_compiler.cli.compile import main
 EXAMPLE = "examples/drive_to_goal/drive_to_goal.xml"
 
 
-def shown(capsys, path, *nodes):
+def compiled_json(capsys, path, *nodes):
     assert main(["show", str(path), "--format", "json", *nodes]) == 0
-    return json.loads(capsys.readouterr().out, object_hook=_without_place)
+    return json.loads(capsys.readouterr().out, object_hook=_without_location)
 
 
-def _without_place(fields):
+def _without_location(fields):
     return {name: value for name, value in fields.items() if name not in ("file", "line")}
 
 
@@ -25,17 +25,19 @@ def _without_place(fields):
         (EXAMPLE, ("--nodes", "examples.drive_to_goal.leaves")),
     ],
 )
-def test_a_tree_and_its_conversion_compile_to_equal_trees(capsys, tmp_path, path, nodes):
+def test_converted_tree_compiles_to_equal_tree(capsys, tmp_path, path, nodes):
     converted = tmp_path / "tree.yaml"
     assert main(["convert", path, "--to", "yaml", "-o", str(converted)]) == 0
-    assert shown(capsys, converted, *nodes) == shown(capsys, path, *nodes)
+    assert compiled_json(capsys, converted, *nodes) == compiled_json(capsys, path, *nodes)
 
 
-def test_both_forms_of_the_shipped_tree_compile_to_equal_trees(capsys):
-    assert shown(capsys, "trees/search_and_rescue.yaml") == shown(capsys, "trees/search_and_rescue.xml")
+def test_xml_and_yaml_of_shipped_tree_compile_to_equal_trees(capsys):
+    assert compiled_json(capsys, "trees/search_and_rescue.yaml") == compiled_json(
+        capsys, "trees/search_and_rescue.xml"
+    )
 
 
-def test_findings_stand_where_they_are_in_yaml(capsys, tmp_path):
+def test_findings_have_locations_in_yaml_file(capsys, tmp_path):
     path = tmp_path / "tree.yaml"
     path.write_text(
         "root:\n  children:\n    - BehaviorTree:\n        ID: Main\n        children:\n"

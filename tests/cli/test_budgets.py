@@ -1,4 +1,4 @@
-"""Files whose numbers multiply: every command that analyses ends within its budget, and at once after Ctrl-C, with what it knows."""
+"""Tests of the budgets of analyses: a command ends within its limits, or at the first Ctrl-C, and shows its partial result."""
 
 import itertools
 import json
@@ -16,7 +16,7 @@ from tests.processes import BIN, Command, processor_sec
 from tests.waiting import News
 
 SAR_COMPILE = BIN / "sar-compile"
-A_MOMENT = ("--max-seconds", "0.3")
+SHORT_LIMIT = ("--max-seconds", "0.3")
 COUNTER = (
     '<Sequence><Script code="n := 0"/><KeepRunningUntilFailure><Sequence><Script code="n += 1"/>'
     '<ScriptCondition code="n &lt; 1000000000"/><Sleep msec="10"/></Sequence></KeepRunningUntilFailure></Sequence>'
@@ -26,8 +26,8 @@ WAITS = (
     '<Delay delay_msec="2000000000"><Timeout msec="2000000000"><Sleep msec="1999999999"/></Timeout></Delay>'
 )
 WIDE = "<Sequence>" + "<AlwaysSuccess/>" * 10_000 + "</Sequence>"
-BY_CHANCE = "<Sequence>" + "<AnyLeaf/>" * 3 + COUNTER + "</Sequence>"
-TREES = {"counter": COUNTER, "nested": NESTED, "waits": WAITS, "wide": WIDE, "chance": BY_CHANCE}
+RANDOM_LEAVES = "<Sequence>" + "<AnyLeaf/>" * 3 + COUNTER + "</Sequence>"
+TREES = {"counter": COUNTER, "nested": NESTED, "waits": WAITS, "wide": WIDE, "chance": RANDOM_LEAVES}
 MODEL = '<TreeNodesModel><Action ID="AnyLeaf"/></TreeNodesModel>'
 
 
@@ -41,7 +41,7 @@ def trees(tmp_path_factory):
 
 
 def run(*words):
-    """Run a command in a process of its own, since what is left behind goes on; return its status and its output."""
+    """Run a command in its own process, because abandoned work continues; return its status and its output."""
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout, done.stderr
 
@@ -54,13 +54,13 @@ EXPLODING = [
 
 
 @pytest.mark.parametrize(("command", "name"), EXPLODING)
-def test_every_analysis_of_numbers_that_multiply_ends_with_a_documented_status(trees, command, name):
+def test_analysis_of_exploding_tree_ends_with_documented_status(trees, command, name):
     more = {
         "diff": [trees / "counter.xml"],
         "simulate": ["--ticks", "1000000000"],
         "validate": ["--deep", "1000"],
     }
-    status, out, err = run(SAR_COMPILE, command, trees / f"{name}.xml", *more.get(command, ()), *A_MOMENT)
+    status, out, err = run(SAR_COMPILE, command, trees / f"{name}.xml", *more.get(command, ()), *SHORT_LIMIT)
     assert status in (0, 1)
     assert "Traceback" not in err
     assert out or re.search("there is no result yet|no prediction is possible: .* --period", err)
@@ -68,15 +68,15 @@ def test_every_analysis_of_numbers_that_multiply_ends_with_a_documented_status(t
         assert status == 1
 
 
-def test_a_prediction_that_is_stopped_has_bounds_and_its_reason(trees):
-    status, out, err = run(SAR_COMPILE, "predict", trees / "counter.xml", "--format", "json", *A_MOMENT)
+def test_stopped_prediction_reports_bounds_and_reason(trees):
+    status, out, err = run(SAR_COMPILE, "predict", trees / "counter.xml", "--format", "json", *SHORT_LIMIT)
     found = json.loads(out)
     assert (status, found["success"], found["stopped"]) == (1, {"low": 0.0, "high": 1.0}, True)
     assert found["states"] > 0
     assert err == "sar-compile: stopped after 0.3 s. Raise the limit with --max-seconds\n"
 
 
-def test_a_verification_that_has_no_memory_left_knows_nothing(trees):
+def test_verification_at_memory_limit_has_no_result(trees):
     status, _, err = run(SAR_COMPILE, "verify", trees / "counter.xml", "--max-memory", "1")
     assert status == 1
     assert (
@@ -85,9 +85,9 @@ def test_a_verification_that_has_no_memory_left_knows_nothing(trees):
     )
 
 
-def test_a_simulation_that_is_stopped_shows_its_ticks(trees):
+def test_stopped_simulation_shows_its_ticks(trees):
     words = ("simulate", trees / "counter.xml", "--ticks", "1000000000")
-    status, out, err = run(SAR_COMPILE, *words, *A_MOMENT)
+    status, out, err = run(SAR_COMPILE, *words, *SHORT_LIMIT)
     assert status == 1
     assert out.startswith("tick 1, 0 s: root RUNNING\n")
     assert err == (
@@ -96,19 +96,19 @@ def test_a_simulation_that_is_stopped_shows_its_ticks(trees):
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
-def test_a_sweep_of_runs_that_never_end_is_stopped_with_its_table(trees, tmp_path, jobs):
+def test_stopped_sweep_of_endless_runs_shows_its_table(trees, tmp_path, jobs):
     scenario = tmp_path / "s.yaml"
     scenario.write_text("ticks: 1000000000\n", encoding="utf-8")
     given = trees / "chance.xml", "--scenario", scenario, "--unusual", "0.1", "--jobs", jobs
-    status, out, err = run(SAR_COMPILE, "sweep", *given, *A_MOMENT)
+    status, out, err = run(SAR_COMPILE, "sweep", *given, *SHORT_LIMIT)
     assert status == 1
     assert "0.0 to 100.0" in out
     assert err.endswith("sweep: stopped after 0.3 s. Raise the limit with --max-seconds\n")
 
 
-def test_a_check_that_is_stopped_says_how_many_files_are_left(trees):
+def test_stopped_validation_reports_number_of_unchecked_files(trees):
     files = [trees / f"{name}.xml" for name in ("waits", "counter", "nested")]
-    status, _, err = run(SAR_COMPILE, "validate", *files, "--deep", "1000", *A_MOMENT)
+    status, _, err = run(SAR_COMPILE, "validate", *files, "--deep", "1000", *SHORT_LIMIT)
     assert status == 1
     assert err.endswith(
         "sar-compile: stopped after 0.3 s. Raise the limit with --max-seconds (2 files not checked)\n"
@@ -124,7 +124,7 @@ def test_a_check_that_is_stopped_says_how_many_files_are_left(trees):
     ],
     ids=lambda words: words[0],
 )
-def test_the_first_ctrl_c_ends_an_analysis_with_what_is_known(trees, words):
+def test_first_ctrl_c_ends_analysis_with_partial_result(trees, words):
     name, tree, *more = words
     command = Command("sar-compile", name, trees / tree, *more)
     try:
@@ -137,12 +137,12 @@ def test_the_first_ctrl_c_ends_an_analysis_with_what_is_known(trees, words):
 
 
 class TestBudget:
-    def test_the_result_of_the_work_is_returned_and_its_error_raised(self):
+    def test_result_of_work_is_returned_and_its_error_raised(self):
         assert Budget().run(lambda: 7) == 7
         with pytest.raises(ZeroDivisionError):
             Budget().run(lambda: 1 / 0)
 
-    def test_work_that_does_not_end_is_left_behind_with_the_last_that_it_has_published(self):
+    def test_endless_work_is_abandoned_and_last_published_result_returned(self):
         budget, is_over = Budget(0.2, patience_sec=0.0, clock=time.monotonic), threading.Event()
 
         def work():
@@ -155,9 +155,9 @@ class TestBudget:
         assert budget.exit_status == 1
 
     @pytest.mark.unmeasured
-    def test_work_that_is_left_behind_takes_no_more_time(self):
+    def test_thread_of_abandoned_work_ends(self):
         if sys.gettrace() is not None:
-            pytest.skip("under a tracer, the work goes on")
+            pytest.skip("under a tracer, the work continues")
 
         def work():
             while True:
@@ -168,17 +168,18 @@ class TestBudget:
         news = News()
         with news:
             news.wait_until(
-                lambda: all(each.name != "analysis" for each in threading.enumerate()), lambda: "it works on"
+                lambda: all(each.name != "analysis" for each in threading.enumerate()),
+                lambda: "the thread is still running",
             )
 
-    def test_the_memory_of_now_falls_again(self):
+    def test_current_memory_decreases_after_release(self):
         before = memory_now_mb()
         held = bytearray(b"x") * 100_000_000
         assert memory_now_mb() > before + 90
         del held
         assert memory_now_mb() < before + 50
 
-    def test_work_that_has_published_nothing_is_an_error_with_the_reason(self):
+    def test_abandoned_work_without_published_result_raises_error_with_reason(self):
         budget, is_over = Budget(0.0, patience_sec=0.0), threading.Event()
         with pytest.raises(
             BudgetSpentError,
@@ -187,7 +188,7 @@ class TestBudget:
             budget.run(is_over.wait)
         is_over.set()
 
-    def test_work_that_asks_may_end_in_order_within_the_patience(self):
+    def test_work_that_polls_budget_may_finish_within_patience(self):
         budget = Budget(0.0, patience_sec=1000.0)
 
         def work():
@@ -197,13 +198,13 @@ class TestBudget:
 
         assert budget.run(work) == "in order"
 
-    def test_what_takes_far_more_memory_than_it_may_is_left_behind_at_once(self):
+    def test_work_far_above_memory_limit_is_abandoned_at_once(self):
         budget, is_over = Budget(max_memory_mb=memory_mb() / 2, patience_sec=1000.0), threading.Event()
         with pytest.raises(BudgetSpentError, match=r"MB of memory\. Raise the limit with --max-memory"):
             budget.run(is_over.wait)
         is_over.set()
 
-    def test_the_first_ctrl_c_is_a_reason_and_the_second_one_ends_the_wait(self):
+    def test_first_ctrl_c_sets_reason_and_second_ends_wait(self):
         budget, is_over = Budget(patience_sec=1000.0), threading.Event()
 
         def work():
@@ -218,7 +219,7 @@ class TestBudget:
         is_over.set()
         assert (budget.exit_status, budget.reason) == (130, "stopped by Ctrl-C")
 
-    def test_work_is_done_once_even_if_ctrl_c_interrupts_its_start(self, monkeypatch):
+    def test_work_starts_once_even_if_ctrl_c_interrupts_its_start(self, monkeypatch):
         starts = []
         start = threading.Thread.start
 
@@ -226,7 +227,7 @@ class TestBudget:
             starts.append(thread)
             if len(starts) == 1:
                 start(thread)
-                # As if it had come before the new thread could set its own number.
+                # As if Ctrl-C had come before the new thread set its identifier.
                 thread._ident = None
                 raise KeyboardInterrupt
             raise AssertionError("the thread is started again")

@@ -1,4 +1,4 @@
-"""What all commands have in common: names that are nearly right, options that few need, names of before, `-` for standard input."""
+"""Tests of what all commands share: suggestions for wrong words, rarely used options, and `-` for standard input."""
 
 import io
 import sys
@@ -24,8 +24,8 @@ def parser():
 
 
 @pytest.fixture
-def typed(monkeypatch):
-    """Put a text on standard input."""
+def set_stdin(monkeypatch):
+    """Return a function that puts a text on standard input."""
 
     def put(text):
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
@@ -41,7 +41,7 @@ def typed(monkeypatch):
         (["validate", "tree.xml", "--quux"], "unrecognized arguments: --quux\n"),
     ],
 )
-def test_an_option_that_there_is_not_is_told_in_two_lines_with_what_was_meant(capsys, line, meant):
+def test_unknown_option_is_reported_in_usage_line_and_error_line(capsys, line, meant):
     with pytest.raises(SystemExit) as end:
         main(line)
     usage, error = capsys.readouterr().err.splitlines(keepends=True)
@@ -59,19 +59,19 @@ def test_an_option_that_there_is_not_is_told_in_two_lines_with_what_was_meant(ca
         ("sar-compile", ["fly", "tree.xml"], "'completion')\n"),
     ],
 )
-def test_a_word_that_other_programs_use_leads_to_ours(command, line, meant, capsys):
+def test_words_of_other_programs_suggest_matching_option_or_command(command, line, meant, capsys):
     with pytest.raises(SystemExit):
         {"sar-run": run_main, "sar-compile": main}[command](line)
     assert meant in capsys.readouterr().err
 
 
-def test_a_node_that_nobody_knows_is_answered_with_where_to_look(capsys):
+def test_unknown_node_error_explains_how_to_list_and_add_nodes(capsys):
     assert main(["nodes", "MoveTo"]) == 2
     error = capsys.readouterr().err
     assert "List known nodes with `sar-compile nodes`, and add your own with --nodes PACKAGE.MODULE" in error
 
 
-def test_an_option_that_few_need_is_known_and_shown_by_help_all_alone(parser, capsys):
+def test_rare_option_is_accepted_and_shown_only_by_help_all(parser, capsys):
     assert parser.parse_args(["--engine", "own"]).engine == "own"
     brief = parser.format_help()
     assert "--engine" not in brief
@@ -95,16 +95,16 @@ def test_an_option_that_few_need_is_known_and_shown_by_help_all_alone(parser, ca
         (["diff", "-", "search_and_rescue"], 1, "NavigateToZone"),
     ],
 )
-def test_each_command_reads_a_tree_from_standard_input(typed, capsysbinary, line, status, shown):
-    typed(TREE)
+def test_each_command_reads_tree_from_standard_input(set_stdin, capsysbinary, line, status, shown):
+    set_stdin(TREE)
     assert main(line) == status
     out, err = map(bytes.decode, capsysbinary.readouterr())
     assert shown in out
     assert "error" not in err
 
 
-def test_what_is_formatted_from_standard_input_goes_to_standard_output(typed, capsysbinary, tmp_path):
-    typed(TREE)
+def test_format_of_standard_input_writes_to_standard_output(set_stdin, capsysbinary, tmp_path):
+    set_stdin(TREE)
     assert main(["format", "-"]) == 0
     canonical = capsysbinary.readouterr().out
     Path(tmp_path, "tree.xml").write_bytes(canonical)

@@ -1,4 +1,4 @@
-"""What every command has: completion in shells, as the Tab key asks for it, and its version."""
+"""Tests of shell completion, as the Tab key requests it, and of the option --version."""
 
 import argparse
 import os
@@ -31,15 +31,15 @@ from sar_compiler.leaves import Kind, register
 class WaterPlants(Behaviour):
     '''Water them.'''
 """
-# What each shell does when Tab is pressed at the end of a line, $1, with what would show the choices printing them.
-ASKED = {
+# Script for each shell: completes the line $1 as the Tab key does, and prints the choices.
+COMPLETION_SCRIPTS = {
     "bash": 'COMP_LINE=$1 COMP_POINT=${#1} COMP_TYPE=9; _python_argcomplete "${1%% *}"; printf "%s\\n" "${COMPREPLY[@]}"',
     "zsh": 'compdef() { } 2>/dev/null; eval "$CODE"; _describe() { print -l -- "${(@P)2}" }; '
     "words=(${(z)1}) BUFFER=$1 CURSOR=${#1}; _python_argcomplete",
     "fish": "complete -C $argv[1]",
 }
-# Words, numbers and names that nobody can know.
-NOTHING_TO_OFFER = {
+# Arguments whose values are free text, numbers or new names.
+WITHOUT_COMPLETION = {
     "by",
     "digest",
     "at_least", "confidence", "count", "deep", "fault", "georeference", "groot2", "half_width", "head", "jobs", "last_run", "limit", "max_memory", "max_seconds", "max_states", "memory", "period", "robot",
@@ -57,14 +57,14 @@ def folder(tmp_path_factory):
 
 
 def choices(shell, line, folder):
-    """Return what a shell offers at the end of a line, without blanks and descriptions."""
+    """Return the choices of a shell at the end of a line, without blanks and descriptions."""
     if not shutil.which(shell):
         pytest.skip(f"{shell} is not installed")
     printed = subprocess.run(
         [Path(sys.executable).with_name("sar-compile"), "completion", shell],
         capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
-    script = ASKED[shell] if shell == "zsh" else f"{printed}\n{ASKED[shell]}"
+    script = COMPLETION_SCRIPTS[shell] if shell == "zsh" else f"{printed}\n{COMPLETION_SCRIPTS[shell]}"
     plain = {"bash": ["--norc", "-c", script, "bash"], "zsh": ["-f", "-c", script, "zsh"]}
     command = [shell, *plain.get(shell, ["--no-config", "-c", script]), line]
     environment = {
@@ -77,7 +77,7 @@ def choices(shell, line, folder):
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_a_shell_completes_commands_options_and_names(shell, folder):
+def test_shell_completes_commands_options_and_names(shell, folder):
     assert choices(shell, "sar-compile va", folder) == {"validate"}
     assert {"--strict", "--fix"} <= choices(shell, "sar-compile validate --", folder)
     assert choices(shell, "sar-run search", folder) == {
@@ -112,7 +112,7 @@ def test_a_shell_completes_commands_options_and_names(shell, folder):
         ("sar-run --ros-args --sp", set()),
     ],
 )
-def test_the_values_of_arguments_are_completed(line, offered, folder):
+def test_argument_values_are_completed(line, offered, folder):
     assert choices("bash", line, folder) == offered
 
 
@@ -125,7 +125,7 @@ def test_every_command_shows_its_version(command):
     assert shown.startswith(f"{command} {version('sar_compiler')} (Python ")
 
 
-def test_a_file_that_cannot_be_read_is_completed_without_a_word(folder):
+def test_missing_file_offers_no_completions(folder):
     assert choices("bash", "sar-compile show missing.xml --tree ", folder) == set()
 
 
@@ -138,16 +138,16 @@ def arguments_of(parser):
             yield action
 
 
-def test_every_argument_with_a_value_is_completed_or_left_to_the_user():
+def test_every_argument_with_value_has_completer_or_is_listed_without_one():
     parsers = sar_compile._parser(), sar_journal._parser(), sar_run._parser(), sar_sim._parser()
     arguments = [each for parser in parsers for each in arguments_of(parser)]
     assert {each.type.name for each in arguments if isinstance(each.type, ArgumentKind)} == {*COMPLETERS} - {
         ""
     }
-    assert {each.dest for each in arguments if not isinstance(each.type, ArgumentKind)} == NOTHING_TO_OFFER
+    assert {each.dest for each in arguments if not isinstance(each.type, ArgumentKind)} == WITHOUT_COMPLETION
 
 
-def test_nobody_imports_what_completes_without_asking():
+def test_command_does_not_import_completion_modules():
     program = (
         "import sys; from sar_compiler.cli.compile import main; main(['explain', 'unknown-node']); "
         "sys.exit(any('complet' in name for name in sys.modules))"
@@ -158,7 +158,7 @@ def test_nobody_imports_what_completes_without_asking():
     )
 
 
-def test_what_a_project_brings_along_is_offered_once_it_is_trusted(folder, tmp_path, monkeypatch):
+def test_nodes_of_project_are_completed_only_after_it_is_trusted(folder, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     project = shutil.copytree(folder, tmp_path / "project")
     project.joinpath("sar.toml").write_text('nodes = ["leaves"]\n')

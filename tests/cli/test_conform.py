@@ -1,4 +1,4 @@
-"""`sar-compile conform`, as it is typed, by journals of runs of stub leaves."""
+"""Tests of `sar-compile conform` on journals of runs with stub leaves."""
 
 import json
 import sqlite3
@@ -21,55 +21,55 @@ PROPERTIES = "properties: {nothing is told: {never: Tell counted}, something is:
 
 
 @pytest.fixture
-def place(tmp_path):
+def folder(tmp_path):
     (tmp_path / "tree.xml").write_text(document(BODY), encoding="utf-8")
     (tmp_path / "p.yaml").write_text(PROPERTIES, encoding="utf-8")
     return tmp_path
 
 
 @pytest.fixture
-def flight(place, monkeypatch):
-    """Fly the tree; return the journal, in which leaves are what they are on a robot."""
+def record_run(folder, monkeypatch):
+    """Return a function that runs the tree, and returns the journal with the outline of the tree on a robot."""
 
-    def fly(name="m.journal", outcomes=None, **about):
-        path = place / name
-        tree = load(place / "tree.xml", registry=REGISTRY).preview()
+    def record(name="m.journal", outcomes=None, **about):
+        path = folder / name
+        tree = load(folder / "tree.xml", registry=REGISTRY).preview()
         monkeypatch.setattr("tests.views.flown.outline", lambda _: outline(tree))
-        about = {"tree_file": str(place / "tree.xml"), "tree_id": "Main", **about}
+        about = {"tree_file": str(folder / "tree.xml"), "tree_id": "Main", **about}
         with closing(open_journal(path)) as journal:
             flown(
-                simulated(place / "tree.xml"), Said(**(outcomes or {"Tell": ["counted"]})), journal, **about
+                simulated(folder / "tree.xml"), Said(**(outcomes or {"Tell": ["counted"]})), journal, **about
             )
         return path
 
-    return fly
+    return record
 
 
 @pytest.fixture
-def conform(place, capsys):
+def conform(folder, capsys):
     def conform(*journals, options=("--properties", "p.yaml")):
-        words = [place / word if str(word).endswith(".yaml") else word for word in options]
-        return run(capsys, "conform", place / "tree.xml", *journals, *NODES, *words)
+        words = [folder / word if str(word).endswith(".yaml") else word for word in options]
+        return run(capsys, "conform", folder / "tree.xml", *journals, *NODES, *words)
 
     return conform
 
 
-def test_a_flight_that_conforms_and_keeps_its_properties_is_fine(conform, flight):
-    status, out, err = conform(flight(), options=())
+def test_conforming_run_has_status_0(conform, record_run):
+    status, out, err = conform(record_run(), options=())
     assert (status, err) == (0, "")
     assert out.endswith("m.journal: run 1, over, 1 tick\nconforms: it is a possible run of the tree\n")
 
 
-def test_a_broken_property_is_told_with_its_event_and_place(conform, flight, place):
-    status, out, _ = conform(flight())
+def test_violated_property_is_reported_with_event_and_location(conform, record_run, folder):
+    status, out, _ = conform(record_run())
     assert status == 1
     assert "2 properties: 1 kept, 1 violated" in out
-    assert f"nothing is told: violated by Tell counted in tick 1, 0:00  ({place}/tree.xml:" in out
+    assert f"nothing is told: violated by Tell counted in tick 1, 0:00  ({folder}/tree.xml:" in out
     assert "0:00  tick    1  Look SUCCESS\n" in out
 
 
-def test_as_json_there_is_the_same(conform, flight):
-    status, out, _ = conform(flight(), options=("--properties", "p.yaml", "--format", "json"))
+def test_json_output_has_same_content(conform, record_run):
+    status, out, _ = conform(record_run(), options=("--properties", "p.yaml", "--format", "json"))
     told = json.loads(out)
     assert (status, told["fine"]) == (1, False)
     (one,) = told["runs"]
@@ -80,9 +80,9 @@ def test_as_json_there_is_the_same(conform, flight):
     assert (kept["fate"], kept["run"]) == ("kept", [])
 
 
-def test_facts_begin_as_the_run_did_unless_something_else_is_said(conform, flight):
-    # With f at 2 the count begins anew, and Tell has nothing to tell.
-    journal = flight(facts={"f": 2})
+def test_facts_start_with_values_of_run_unless_set_on_command_line(conform, record_run):
+    # With f at 2, the counter starts over at 0, so Tell cannot return 'counted'.
+    journal = record_run(facts={"f": 2})
     status, out, _ = conform(journal, options=())
     assert status == 1
     assert "does not conform from tick 1 on, 0:00: Tell SUCCESS" in out
@@ -91,12 +91,12 @@ def test_facts_begin_as_the_run_did_unless_something_else_is_said(conform, fligh
     assert conform(journal, options=("--set", "f=1"))[0] == 0
 
 
-def test_several_flights_are_a_table_with_what_was_wrong_below(conform, flight, place):
-    fine = flight("fine.journal", {"Tell": ["FAILURE"], "Drive": ["FAILURE"]})
-    status, out, _ = conform(fine, flight("loud.journal"), flight("odd.journal", facts={"f": 2}))
+def test_several_runs_are_shown_as_table_with_problems_below(conform, record_run, folder):
+    fine = record_run("fine.journal", {"Tell": ["FAILURE"], "Drive": ["FAILURE"]})
+    status, out, _ = conform(fine, record_run("loud.journal"), record_run("odd.journal", facts={"f": 2}))
     assert status == 1
     table, *others = out.split("\n\n")
-    rows = [line.removeprefix(f"{place}/").split(maxsplit=2) for line in table.splitlines()]
+    rows = [line.removeprefix(f"{folder}/").split(maxsplit=2) for line in table.splitlines()]
     assert rows[0] == ["journal", "end", "conforms         violated"]
     assert [(row[0], row[1]) for row in rows[1:]] == [
         ("fine.journal", "over"),
@@ -106,19 +106,19 @@ def test_several_flights_are_a_table_with_what_was_wrong_below(conform, flight, 
     assert [row[2].split() for row in rows[1:3]] == [["yes", "none"], ["yes", "nothing", "is", "told"]]
     assert rows[3][2].startswith("no, from tick 1  nothing is told")
     assert [each.split(":")[0] for each in others if each.startswith("/")] == [
-        str(place / "loud.journal"),
-        str(place / "odd.journal"),
+        str(folder / "loud.journal"),
+        str(folder / "odd.journal"),
     ]
 
 
-def test_flights_that_are_fine_have_the_table_alone(conform, flight):
-    status, out, _ = conform(flight("a.journal"), flight("b.journal"), options=())
+def test_table_of_conforming_runs_has_no_details(conform, record_run):
+    status, out, _ = conform(record_run("a.journal"), record_run("b.journal"), options=())
     assert (status, len(out.splitlines())) == (0, 3)
 
 
-def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
-    journal = flight()
-    (place / "tree.xml").write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
+def test_journal_of_different_tree_is_not_compared(conform, record_run, folder):
+    journal = record_run()
+    (folder / "tree.xml").write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
     status, out, _ = conform(journal, options=())
     assert status == 1
     assert (
@@ -134,21 +134,21 @@ def test_a_journal_of_another_tree_is_told_so(conform, flight, place):
         (("--max-seconds", "1e-9"), "stopped after 1e-09 s. Raise the limit with --max-seconds"),
     ],
 )
-def test_a_flight_for_which_the_budget_does_not_suffice_is_not_judged(conform, flight, options, reason):
-    status, out, _ = conform(flight(), options=options)
+def test_run_that_exceeds_budget_is_not_compared(conform, record_run, options, reason):
+    status, out, _ = conform(record_run(), options=options)
     assert status == 1
     assert f"not compared: there is no result yet, because the analysis was {reason}" in out
 
 
-def test_ctrl_c_ends_the_comparison_and_what_is_known_is_shown(conform, flight, monkeypatch):
+def test_ctrl_c_ends_comparison_and_is_reported(conform, record_run, monkeypatch):
     monkeypatch.setattr(Budget, "is_spent", press_ctrl_c)
-    status, out, _ = conform(flight())
+    status, out, _ = conform(record_run())
     assert status == 130
     assert "not compared: there is no result yet, because the analysis was stopped by Ctrl-C" in out
 
 
-def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, flight):
-    status, out, _ = conform(flight(tree_id="Elsewhere"))
+def test_journal_of_tree_id_missing_from_file_is_not_compared(conform, record_run):
+    status, out, _ = conform(record_run(tree_id="Elsewhere"))
     assert status == 1
     assert (
         "not compared: the tree's nodes differ from the nodes of the run. The journal records a run of 'Elsewhere' of "
@@ -156,12 +156,12 @@ def test_a_journal_of_a_tree_that_the_file_does_not_have_is_told_so(conform, fli
     )
 
 
-def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
+def test_changed_attributes_of_tree_are_reported(conform, record_run, folder):
     tries = '<RetryUntilSuccessful num_attempts="{}"><A name="Drive"/></RetryUntilSuccessful>'
-    (place / "tree.xml").write_text(document(tries.format(3)), encoding="utf-8")
-    journal = flight(outcomes={"Drive": ["FAILURE"]})
+    (folder / "tree.xml").write_text(document(tries.format(3)), encoding="utf-8")
+    journal = record_run(outcomes={"Drive": ["FAILURE"]})
     assert "has changed" not in conform(journal, options=())[1]
-    (place / "tree.xml").write_text(document(tries.format(1)), encoding="utf-8")
+    (folder / "tree.xml").write_text(document(tries.format(1)), encoding="utf-8")
     status, out, _ = conform(journal, options=())
     assert status == 1
     assert (
@@ -170,27 +170,27 @@ def test_what_is_otherwise_in_the_tree_since_is_told(conform, flight, place):
     )
 
 
-def test_a_journal_without_a_tree_is_told_so(conform, place):
-    with closing(open_journal(place / "bare.journal")) as journal:
+def test_journal_without_tree_is_not_compared(conform, folder):
+    with closing(open_journal(folder / "bare.journal")) as journal:
         journal.begin({}, {})
         journal.end_run(Ending.STOPPED, 0)
-    status, out, _ = conform(place / "bare.journal")
+    status, out, _ = conform(folder / "bare.journal")
     assert status == 1
     assert out.endswith("bare.journal: not compared: the journal contains no run of a tree\n")
 
 
-def test_a_journal_that_is_still_written_is_judged_so_far(conform, place, monkeypatch):
-    live = place / "live.journal"
+def test_journal_of_unfinished_run_is_compared_so_far(conform, folder, monkeypatch):
+    live = folder / "live.journal"
     with closing(open_journal(live)) as journal:
         monkeypatch.setattr(journal, "end_run", lambda *_: None)
-        flown(simulated(place / "tree.xml"), Said(Drive=["RUNNING"] * 9), journal, tree_id="Main")
+        flown(simulated(folder / "tree.xml"), Said(Drive=["RUNNING"] * 9), journal, tree_id="Main")
         status, out, _ = conform(live)
     assert status == 0
     assert "live.journal: run 1, running, compared so far, " in out
 
 
-def test_a_file_that_is_no_journal_is_wrong_usage(conform, place):
-    status, out, err = conform(place / "p.yaml")
+def test_file_that_is_no_journal_has_status_2(conform, folder):
+    status, out, err = conform(folder / "p.yaml")
     assert (status, out) == (2, "")
     assert "p.yaml" in err
 
@@ -208,11 +208,11 @@ CONTROLLED = '<Fallback name="Either"><Sequence name="Both"><A name="Drive"/><Sl
         (2, "HALTED", "Drive halted"),
     ],
 )
-def test_a_status_of_a_control_or_a_halt_that_was_put_into_a_journal_does_not_fit(
-    conform, flight, place, node, status, said
+def test_forged_control_status_or_halt_in_journal_does_not_conform(
+    conform, record_run, folder, node, status, said
 ):
-    (place / "tree.xml").write_text(document(CONTROLLED), encoding="utf-8")
-    journal = flight(outcomes={"Drive": ["SUCCESS"]})
+    (folder / "tree.xml").write_text(document(CONTROLLED), encoding="utf-8")
+    journal = record_run(outcomes={"Drive": ["SUCCESS"]})
     assert conform(journal, options=())[0] == 0
     with sqlite3.connect(journal) as base:
         number, data = base.execute(

@@ -1,4 +1,4 @@
-"""`sar-compile convert` as its users see it."""
+"""Tests of `sar-compile convert`."""
 
 import subprocess
 import sys
@@ -19,17 +19,17 @@ def run(capsys, *arguments):
 @pytest.mark.parametrize(
     ("name", "form"), [("xml", "yaml"), ("yaml", "xml"), ("xml", "xml"), ("yaml", "yaml")]
 )
-def test_each_form_of_the_shipped_tree_gives_each(capsysbinary, name, form):
+def test_shipped_tree_converts_from_each_form_to_each_form(capsysbinary, name, form):
     assert main(["convert", str(SHIPPED[name]), "--to", form]) == 0
     assert capsysbinary.readouterr().out == SHIPPED[form].read_bytes()
 
 
-def test_a_shipped_tree_may_be_meant_by_its_name(capsys):
+def test_shipped_tree_can_be_given_by_name(capsys):
     status, out, _ = run(capsys, "search_and_rescue", "--to", "yaml")
     assert (status, out) == (0, SHIPPED["yaml"].read_text(encoding="utf-8"))
 
 
-def test_the_output_may_go_to_a_file(capsys, tmp_path):
+def test_output_file_is_replaced_and_keeps_its_permissions(capsys, tmp_path):
     output = tmp_path / "tree.yaml"
     output.write_text("what was there", encoding="utf-8")
     output.chmod(0o640)
@@ -39,7 +39,7 @@ def test_the_output_may_go_to_a_file(capsys, tmp_path):
     assert list(tmp_path.iterdir()) == [output]
 
 
-def test_the_input_is_never_overwritten(capsys, tmp_path):
+def test_input_file_is_not_overwritten(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text("<root/>", encoding="utf-8")
     status, out, err = run(capsys, path, "--to", "yaml", "-o", tmp_path / "." / "tree.xml")
@@ -48,7 +48,7 @@ def test_the_input_is_never_overwritten(capsys, tmp_path):
     assert path.read_text(encoding="utf-8") == "<root/>"
 
 
-def test_what_cannot_be_carried_over_is_said_on_standard_error(capsys, tmp_path):
+def test_moved_comment_is_reported_on_standard_error(capsys, tmp_path):
     path = tmp_path / "tree.yaml"
     path.write_text("root:\n  a: 1  # why\n", encoding="utf-8")
     status, out, err = run(capsys, path, "--to", "xml")
@@ -59,13 +59,13 @@ def test_what_cannot_be_carried_over_is_said_on_standard_error(capsys, tmp_path)
     )
 
 
-def test_unknown_nodes_do_not_matter(capsys, tmp_path):
+def test_unknown_nodes_are_converted(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text("<root><Unknown/></root>", encoding="utf-8")
     assert run(capsys, path, "--to", "yaml") == (0, "root:\n  children:\n    - Unknown\n", "")
 
 
-def test_a_malformed_file_has_status_1_and_its_findings_and_no_output(capsys, tmp_path):
+def test_malformed_file_has_status_1_with_findings_and_no_output(capsys, tmp_path):
     path, output = tmp_path / "tree.yaml", tmp_path / "tree.xml"
     path.write_text("root:\n  a: 1\n  a: 2\n", encoding="utf-8")
     status, out, err = run(capsys, path, "--to", "xml", "-o", output)
@@ -74,13 +74,13 @@ def test_a_malformed_file_has_status_1_and_its_findings_and_no_output(capsys, tm
     assert not output.exists()
 
 
-def test_a_file_that_is_not_there_or_cannot_be_written_has_status_2(capsys, tmp_path):
+def test_missing_input_or_unwritable_output_has_status_2(capsys, tmp_path):
     assert run(capsys, "nowhere.xml", "--to", "yaml")[0] == 2
     status, _, err = run(capsys, SHIPPED["xml"], "--to", "yaml", "-o", tmp_path / "nowhere" / "tree.yaml")
     assert (status, "No such file or directory" in err) == (2, True)
 
 
-def test_the_form_must_be_one_that_there_is():
+def test_unknown_form_has_status_2():
     done = subprocess.run(
         [sys.executable, "-m", "sar_compiler.cli.compile", "convert", "x.xml", "--to", "json"],
         capture_output=True,

@@ -1,4 +1,4 @@
-"""`sar-compile diff`, and the ways to BehaviorTree.CPP and Groot2, as their users see them."""
+"""Tests of `sar-compile diff`, and of the conversions for BehaviorTree.CPP and Groot2."""
 
 import json
 import subprocess
@@ -20,11 +20,11 @@ def changed(tmp_path):
     return path
 
 
-def test_equal_trees_have_status_0_and_nothing_is_said(capsys):
+def test_equal_trees_have_status_0_and_no_output(capsys):
     assert run(capsys, "diff", SHIPPED, "trees/search_and_rescue.yaml") == (0, "", "")
 
 
-def test_different_trees_have_status_1_and_a_line_for_each_difference(capsys, changed):
+def test_different_trees_have_status_1_and_one_line_per_difference(capsys, changed):
     status, out, err = run(capsys, "diff", "search_and_rescue", changed)
     assert (status, err) == (1, "")
     path = "SearchAndRescue/MissionOrReturnToBase/Patrol"
@@ -33,7 +33,7 @@ def test_different_trees_have_status_1_and_a_line_for_each_difference(capsys, ch
     assert out.count("\n") == 1
 
 
-def test_differences_are_data_for_scripts(capsys, changed):
+def test_differences_are_printed_as_json(capsys, changed):
     status, out, _ = run(capsys, "diff", SHIPPED, changed, "--format", "json")
     (told,) = json.loads(out)
     assert status == 1
@@ -60,7 +60,7 @@ def test_differences_are_data_for_scripts(capsys, changed):
         ("double", "float", True),
     ],
 )
-def test_another_name_for_a_type_of_a_palette_is_no_difference(capsys, tmp_path, before, after, is_changed):
+def test_alias_of_port_type_is_no_difference(capsys, tmp_path, before, after, is_changed):
     files = [tmp_path / "before.xml", tmp_path / "after.xml"]
     for path, name in zip(files, (before, after), strict=True):
         port = f'<input_port name="at" type="{name}"/>'
@@ -69,7 +69,7 @@ def test_another_name_for_a_type_of_a_palette_is_no_difference(capsys, tmp_path,
     assert (status, "type" in out) == (int(is_changed), is_changed)
 
 
-def test_a_file_that_is_not_there_has_status_2(capsys):
+def test_missing_file_has_status_2(capsys):
     assert run(capsys, "diff", SHIPPED, "nowhere.xml") == (
         2,
         "",
@@ -77,7 +77,7 @@ def test_a_file_that_is_not_there_has_status_2(capsys):
     )
 
 
-def test_a_malformed_file_has_status_1_and_its_findings(capsys, tmp_path):
+def test_malformed_file_has_status_1_and_findings(capsys, tmp_path):
     path = tmp_path / "cut.xml"
     path.write_text("<root>", encoding="utf-8")
     status, out, err = run(capsys, "diff", SHIPPED, path)
@@ -85,7 +85,7 @@ def test_a_malformed_file_has_status_1_and_its_findings(capsys, tmp_path):
     assert f"{path}:1:7: error[malformed-xml]" in err
 
 
-def test_the_mission_converts_for_behaviortree_cpp_and_is_valid_afterwards(capsys, tmp_path):
+def test_mission_converted_to_btcpp_is_valid(capsys, tmp_path):
     output = tmp_path / "mission.xml"
     status, out, err = run(capsys, "convert", SHIPPED, "--to", "btcpp", "-o", output)
     assert (status, out) == (0, "")
@@ -94,7 +94,7 @@ def test_the_mission_converts_for_behaviortree_cpp_and_is_valid_afterwards(capsy
     assert run(capsys, "validate", output) == (0, f"{output}: no findings\n", "")
 
 
-def test_a_conversion_that_leaves_something_to_do_writes_its_file_and_has_status_1(capsys, tmp_path):
+def test_incomplete_conversion_has_status_1_and_output(capsys, tmp_path):
     path = tmp_path / "waits.xml"
     path.write_text('<root><BehaviorTree><Success oneshot="ON_SUCCESSFUL_COMPLETION"/></BehaviorTree></root>')
     status, out, err = run(capsys, "convert", path, "--to", "btcpp")
@@ -103,13 +103,13 @@ def test_a_conversion_that_leaves_something_to_do_writes_its_file_and_has_status
     assert '<OneShot name="SuccessOneShot" policy="ON_SUCCESSFUL_COMPLETION">' in out
 
 
-def test_leaves_of_the_users_own_are_described_in_what_is_converted(capsys):
+def test_converted_tree_describes_custom_leaves(capsys):
     arguments = ["convert", "examples/drive_to_goal/drive_to_goal.xml", "--to", "btcpp"]
     _, out, _ = run(capsys, *arguments, "--nodes", "examples.drive_to_goal.leaves")
     assert '<Condition ID="GoalNotReached" editable="true">' in out
 
 
-def test_the_palette_serves_as_a_model(capsys, tmp_path):
+def test_groot2_palette_can_be_used_as_model(capsys, tmp_path):
     status, out, _ = run(capsys, "nodes", "--format", "groot2")
     assert status == 0
     described = tmp_path / "nodes.xml"
@@ -117,7 +117,7 @@ def test_the_palette_serves_as_a_model(capsys, tmp_path):
     assert run(capsys, "validate", "--model", described, SHIPPED) == (0, f"{SHIPPED}: no findings\n", "")
 
 
-def test_the_palette_of_one_node_has_only_that(capsys):
+def test_palette_of_one_node_contains_only_that_node(capsys):
     status, out, _ = run(capsys, "nodes", "ZonesRemaining", "--format", "groot2")
     assert status == 0
     assert out.splitlines()[2:-1] == [
@@ -127,7 +127,7 @@ def test_the_palette_of_one_node_has_only_that(capsys):
     ]
 
 
-def test_it_needs_no_ros(changed):
+def test_commands_run_without_ros(changed):
     program = (
         "import sys; sys.modules['rclpy'] = None\n"
         "from sar_compiler.cli.compile import main\n"

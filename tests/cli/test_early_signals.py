@@ -1,4 +1,4 @@
-"""Ctrl-C in the first moments of a command, while it is still importing."""
+"""Tests of Ctrl-C while a command is still importing its modules."""
 
 import re
 import subprocess
@@ -10,7 +10,7 @@ import pytest
 COMMANDS = dict(
     re.findall(r'^(sar-[\w-]+) = "([\w.:]+)"$', Path("pyproject.toml").read_text("utf-8"), re.MULTILINE)
 )
-# Being stopped is how the work of the world and of a server ends.
+# The simulator and the servers run until they are stopped, so Ctrl-C is a regular end.
 ENDINGS = {
     "sar-run": ([], 130),
     "sar-sim": (["run"], 0),
@@ -18,7 +18,7 @@ ENDINGS = {
     "sar-report-survivor-server": ([], 0),
 }
 
-# Starts a command as its script does, and sends SIGINT in the midst of the import of rclpy.
+# Starts a command like its console script, and sends SIGINT during the import of rclpy.
 PROGRAM = """
 import importlib, signal, sys
 
@@ -36,13 +36,13 @@ sys.exit(main())
 """
 
 
-def test_every_command_that_needs_ros_is_tried():
+def test_every_command_that_needs_ros_has_expected_status():
     assert set(ENDINGS) == set(COMMANDS) - {"sar-compile", "sar-journal"}
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize("command", sorted(ENDINGS))
-def test_ctrl_c_while_a_command_still_imports_ends_it_in_order(command):
+def test_ctrl_c_during_import_ends_command_without_traceback(command):
     arguments, expected = ENDINGS[command]
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, COMMANDS[command], *arguments],

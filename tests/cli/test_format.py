@@ -1,4 +1,4 @@
-"""`sar-compile format` as its users see it."""
+"""Tests of `sar-compile format`."""
 
 from pathlib import Path
 
@@ -32,20 +32,20 @@ def rough(request, tmp_path):
     return path
 
 
-def test_a_file_is_written_anew_in_its_own_form_with_its_comments_and_permissions(capsys, rough):
+def test_file_is_rewritten_in_its_form_with_comments_and_permissions(capsys, rough):
     assert run(capsys, rough) == (0, f"{rough}: rewritten\n", "")
     assert rough.read_text(encoding="utf-8") == NEAT[rough.suffix[1:]]
     assert rough.stat().st_mode & 0o777 == 0o640
 
 
-def test_a_second_time_changes_nothing(capsys, rough):
+def test_second_format_changes_nothing(capsys, rough):
     run(capsys, rough)
     before = rough.stat()
     assert run(capsys, rough) == (0, "", "")
     assert (rough.stat().st_ino, rough.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
 
 
-def test_check_names_what_would_change_and_changes_nothing(capsys, rough):
+def test_check_names_files_to_change_and_changes_nothing(capsys, rough):
     assert run(capsys, "--check", rough) == (1, f"{rough}: is not in canonical form\n", "")
     assert rough.read_text(encoding="utf-8") == ROUGH[rough.suffix[1:]]
 
@@ -56,7 +56,7 @@ def test_shipped_trees_are_in_canonical_form(capsys):
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "iso-8859-1"])
-def test_encoding_byte_order_mark_and_line_ends_stay_as_they_are(capsys, rough, encoding, end):
+def test_encoding_byte_order_mark_and_line_ends_are_kept(capsys, rough, encoding, end):
     form = rough.suffix[1:]
     if (form, encoding) == ("yaml", "iso-8859-1"):
         pytest.skip("YAML is Unicode")
@@ -71,14 +71,14 @@ def test_encoding_byte_order_mark_and_line_ends_stay_as_they_are(capsys, rough, 
     assert run(capsys, "--check", rough) == (0, "", "")
 
 
-def test_what_the_encoding_of_a_file_has_no_sign_for_stays_a_reference(capsys, tmp_path):
+def test_character_outside_file_encoding_stays_reference(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_bytes(b'<?xml version="1.0" encoding="latin-1"?><root a="&#8364;\xe4"/>')
     assert run(capsys, path)[0] == 0
     assert path.read_bytes() == b'<?xml version="1.0" encoding="latin-1"?>\n<root a="&#8364;\xe4"/>\n'
 
 
-def test_a_malformed_file_is_left_alone_and_the_others_are_written(capsys, rough, tmp_path):
+def test_malformed_file_is_unchanged_and_others_are_rewritten(capsys, rough, tmp_path):
     broken = tmp_path / "broken.xml"
     broken.write_text("<root>", encoding="utf-8")
     status, out, err = run(capsys, broken, rough)
@@ -87,7 +87,7 @@ def test_a_malformed_file_is_left_alone_and_the_others_are_written(capsys, rough
     assert broken.read_text(encoding="utf-8") == "<root>"
 
 
-def test_text_that_would_be_lost_is_a_finding_and_stays(capsys, tmp_path):
+def test_stray_text_is_reported_and_kept(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text("<root> text </root>", encoding="utf-8")
     status, _, err = run(capsys, path)
@@ -95,13 +95,13 @@ def test_text_that_would_be_lost_is_a_finding_and_stays(capsys, tmp_path):
     assert path.read_text(encoding="utf-8") == "<root> text </root>"
 
 
-def test_a_file_that_is_not_there_has_status_2(capsys, rough):
+def test_missing_file_has_status_2(capsys, rough):
     status, out, err = run(capsys, "nowhere.xml", rough)
     assert (status, out) == (2, f"{rough}: rewritten\n")
     assert "cannot read nowhere.xml" in err
 
 
-def test_a_link_stays_a_link(capsys, rough, tmp_path):
+def test_link_stays_link(capsys, rough, tmp_path):
     link = tmp_path / f"link{rough.suffix}"
     link.symlink_to(rough)
     assert run(capsys, link)[0] == 0

@@ -1,4 +1,4 @@
-"""`sar-journal why`: what would have succeeded, by journals of runs of stub leaves."""
+"""Tests of `sar-journal why`, which shows changes that would have led to success, on journals of runs with stub leaves."""
 
 import json
 from contextlib import closing
@@ -28,9 +28,9 @@ def tree(tmp_path):
 
 @pytest.fixture
 def why(tree, tmp_path, capsys):
-    """Returns what is told of a run in which the robot does not look, with further arguments of the command."""
+    """Return a function that runs the command on a run in which Look fails, and returns its output."""
 
-    def told(*options, status=0, nodes=NODES, **about):
+    def run_why(*options, status=0, nodes=NODES, **about):
         place = tmp_path / "m.journal"
         if not place.exists():
             about = {"tree_file": str(tree), "tree_id": "Main", **about}
@@ -39,17 +39,17 @@ def why(tree, tmp_path, capsys):
         assert main(["why", str(place), *nodes, *map(str, options)]) == status
         return capsys.readouterr().out
 
-    return told
+    return run_why
 
 
-def test_it_tells_people_what_would_have_succeeded(why):
+def test_text_output_shows_change_that_leads_to_success(why):
     assert (
         "\nThe mission would have succeeded with another outcome:\n  0:00  Look SUCCESS instead of FAILURE  ("
         in why()
     )
 
 
-def test_the_leaf_whose_success_alone_suffices_ranks_above_a_decorator_that_repeats_its_failure(why, tree):
+def test_leaf_whose_success_suffices_ranks_above_decorator_with_same_failure(why, tree):
     once = f'<RunOnce name="Once" then_skip="false">{BODY}</RunOnce>'
     body = f'<RetryUntilSuccessful num_attempts="2">{once}</RetryUntilSuccessful>'
     tree.write_text(document(body), encoding="utf-8")
@@ -65,13 +65,13 @@ def test_the_leaf_whose_success_alone_suffices_ranks_above_a_decorator_that_repe
         (("--max-seconds", "1e-9"), "stopped after 1e-09 s. Raise the limit with --max-seconds"),
     ],
 )
-def test_where_the_budget_does_not_suffice_the_reasons_are_told_without_it(why, options, reason):
+def test_reasons_are_shown_if_budget_is_exceeded(why, options, reason):
     told = why(*options)
     assert told.startswith(why().partition("\nThe mission would have succeeded")[0])
     assert f"would have led to success: there is no result yet, because the analysis was {reason}" in told
 
 
-def test_ctrl_c_ends_the_search_and_the_reasons_are_shown(why, monkeypatch):
+def test_ctrl_c_ends_search_and_reasons_are_shown(why, monkeypatch):
     reasons = why().partition("\nThe mission would have succeeded")[0]
     monkeypatch.setattr(Budget, "is_spent", press_ctrl_c)
     told = why(status=130)
@@ -82,13 +82,13 @@ def test_ctrl_c_ends_the_search_and_the_reasons_are_shown(why, monkeypatch):
     )
 
 
-def test_it_tells_scripts_what_would_have_succeeded(why):
+def test_json_output_has_counterfactual(why):
     change = json.loads(why("--format", "json"))["counterfactual"]
     assert (change["tick"], change["unusual"], change["then"]) == (1, 0, [])
     assert change["instead"] == {"node": 2, "status": "SUCCESS", "label": "", "name": "Look"}
 
 
-def test_a_tree_that_is_gone_is_asked_for(why, tree):
+def test_missing_tree_file_can_be_given_with_option(why, tree):
     why()
     tree.rename(tree.with_name("moved.xml"))
     assert (
@@ -98,40 +98,40 @@ def test_a_tree_that_is_gone_is_asked_for(why, tree):
     assert "instead of FAILURE" in why("--tree-file", tree.with_name("moved.xml"))
 
 
-def test_a_journal_that_does_not_name_the_file_asks_for_it(why, tree):
+def test_tree_file_is_requested_if_journal_does_not_name_it(why, tree):
     assert "Add --tree-file TREE" in why(tree_file=None)
     assert "instead of FAILURE" in why("--tree-file", tree)
 
 
-def test_a_tree_that_was_changed_since_is_not_taken_for_the_one_that_ran(why, tree):
+def test_changed_tree_is_reported_as_different_tree(why, tree):
     why()
     tree.write_text(document(BODY.replace("Drive", "Fly")), encoding="utf-8")
     assert f"{tree} now contains another tree" in why()
 
 
-def test_a_tree_with_mistakes_says_the_first_of_them(why, tree):
+def test_first_error_of_invalid_tree_is_reported(why, tree):
     why()
     tree.write_text(document(BODY.replace("<A ", "<Fly ")), encoding="utf-8")
     assert f"{tree} now has errors: there is no node 'Fly'" in why()
     assert json.loads(why("--format", "json"))["counterfactual"] is None
 
 
-def test_the_options_of_the_run_that_are_missing_are_named(why):
+def test_missing_options_of_run_are_named(why):
     said = why(nodes=(), options=[["--nodes", NODES[1]], ["--model", "ros:jazzy"]])
     assert "cannot be loaded without the options of the run: there is no node 'A'" in said
     assert f"Add --nodes {NODES[1]}\n" in said
     assert "instead of FAILURE" in why()
 
 
-def test_an_installed_palette_of_the_run_is_taken_from_the_journal(why, tree):
+def test_installed_palette_is_taken_from_journal(why, tree):
     why(options=[["--model", "ros:jazzy"], "damaged", ["--model"]])
     ros = '<RosTopic topic="t" type="std_msgs/msg/Bool"/>'
     tree.write_text(document(BODY.replace("<Sequence>", f"<Sequence>{ros}")), encoding="utf-8")
-    # It can be read; that it is another tree is found out afterwards.
+    # The tree loads with the palette; only the comparison shows that it is another tree.
     assert f"{tree} now contains another tree" in why()
 
 
-def test_a_run_notes_the_options_that_decide_which_nodes_there_are():
+def test_node_options_of_run_are_recorded_with_absolute_paths():
     given = CommandLineSettings(
         nodes=("a.b",), models=(Path("ros:jazzy"), Path("n.xml")), include_path=(Path("more"),)
     )

@@ -1,4 +1,4 @@
-"""`validate` keeps results in the user's cache folder, and checks many files in copies of its process."""
+"""Tests of the results that `validate` stores in the user's cache folder, and of the workers that check many files."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from sar_compiler.validation import validation
 from sar_compiler.validation.forked_workers import ForkedWorkers
 from tests.trees import document
 
-# Says on standard error how many files were checked, and where.
+# Prints on standard error which files were checked, and in which process.
 _PROGRAM = """
 import os, sys
 from sar_compiler.validation.validation import FileChecker
@@ -38,7 +38,7 @@ SCRIPT = document('<Sequence><Script code="a := 1"/><ScriptCondition code="a == 
 def folder(tmp_path, monkeypatch):
     (tmp_path / "work" / "trees").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "work")
-    # What is there before counts as a surrounding, and must not come with the first result.
+    # Results depend on the folders that exist, so this one must exist before the first result.
     (tmp_path / ".cache").mkdir()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / ".cache"))
     monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
@@ -49,8 +49,8 @@ def write(name, text):
     Path(name).write_text(text, encoding="utf-8")
 
 
-class Done:
-    """A `validate` that has ended."""
+class CompletedValidation:
+    """A completed run of `validate`."""
 
     def __init__(self, *arguments, **environment):
         command = [sys.executable, "-c", _PROGRAM, "validate", *map(str, arguments)]
@@ -63,40 +63,40 @@ class Done:
             env={**os.environ, **environment},
         )
         lines = done.stderr.splitlines(keepends=True)
-        self.said = (
+        self.result = (
             done.returncode,
             done.stdout,
             "".join(each for each in lines if not each.startswith("checked ")),
         )
         self.checked = sorted(each.split()[1] for each in lines if each.startswith("checked "))
-        self.places = {each.split()[2] for each in lines if each.startswith("checked ")}
+        self.processes = {each.split()[2] for each in lines if each.startswith("checked ")}
 
 
-def kept():
+def stored_results():
     return [*Path(os.environ["XDG_CACHE_HOME"], "sar_compiler").glob("*.json")]
 
 
-def test_a_file_that_is_as_it_was_is_not_checked_again_and_the_same_is_said():
+def test_unchanged_file_is_not_checked_again_and_has_same_output():
     write("trees/a.xml", WRONG)
     write("trees/b.xml", SCRIPT)
     for form in ("text", "json", "sarif", "github"):
-        first, again = (Done("trees", "--format", form) for _ in range(2))
-        fresh = Done("trees", "--format", form, "--no-cache")
+        first, again = (CompletedValidation("trees", "--format", form) for _ in range(2))
+        fresh = CompletedValidation("trees", "--format", form, "--no-cache")
         assert again.checked == []
-        assert first.said == again.said == fresh.said
+        assert first.result == again.result == fresh.result
         assert len(fresh.checked) == 2
 
 
-def test_without_a_cache_nothing_is_kept():
+def test_no_cache_option_stores_no_results():
     write("a.xml", CORRECT)
-    Done("a.xml", "--no-cache")
-    assert kept() == []
+    CompletedValidation("a.xml", "--no-cache")
+    assert stored_results() == []
 
 
-def test_what_is_kept_is_json_behind_a_checksum():
+def test_results_are_stored_as_json_after_checksum():
     write("a.xml", WRONG)
-    Done("a.xml")
-    (path,) = kept()
+    CompletedValidation("a.xml")
+    (path,) = stored_results()
     assert (
         json.loads(path.read_bytes().partition(b"\n")[2])["checks"]["a.xml"]["findings"][0][0]
         == "unknown-attribute"
@@ -113,7 +113,7 @@ UNREAD = document('<SetBlackboard value="4" output_key="k"/>')
 PALETTE = '<root BTCPP_format="4"><TreeNodesModel><Action ID="Lift"/></TreeNodesModel></root>'
 LEAVES = "from sar_compiler.leaves import Kind, register\nfrom py_trees.behaviours import Success\n\n\n@register('{}', kind=Kind.ACTION)\nclass Leaf(Success):\n    '''A leaf.'''\n"
 
-# What is there at first, the changes to it, and the arguments.
+# Each: the initial files, the changed files (None: deleted), and the arguments.
 CHANGES: dict[str, tuple[dict[str, str], dict[str, str | None], list[str]]] = {
     "the file": ({"a.xml": CORRECT}, {"a.xml": WRONG}, ["a.xml"]),
     "the file, of the same size": ({"a.xml": WRONG}, {"a.xml": WRONG.replace("nme", "xme")}, ["a.xml"]),
@@ -190,107 +190,107 @@ CHANGES: dict[str, tuple[dict[str, str], dict[str, str | None], list[str]]] = {
 
 
 @pytest.mark.parametrize("what", CHANGES)
-def test_nothing_is_stale(what):
+def test_change_invalidates_stored_result(what):
     before, changes, arguments = CHANGES[what]
     for name, text in before.items():
         write(name, text)
-    # A module that was written a moment ago may be imported as it was before: nothing is kept of that.
+    # Results of a module that has just been written are not stored, because an older version may have been imported.
     for name in before:
         os.utime(name, (1_000_000_000, 1_000_000_000))
-    first = Done(*arguments)
-    assert Done(*arguments).checked == [], "nothing was kept"
+    first = CompletedValidation(*arguments)
+    assert CompletedValidation(*arguments).checked == [], "no result was stored"
     for name, changed in changes.items():
         if changed is None:
             Path(name).unlink()
         else:
             write(name, changed)
-    then = Done(*arguments)
-    assert then.said == Done(*arguments, "--no-cache").said
+    then = CompletedValidation(*arguments)
+    assert then.result == CompletedValidation(*arguments, "--no-cache").result
     assert then.checked
-    assert then.said != first.said
+    assert then.result != first.result
 
 
-def test_results_of_other_options_and_folders_are_others():
+def test_results_depend_on_options_and_folder():
     write("trees/a.xml", document("<Lift/>"))
     write("p.xml", PALETTE)
     write("t/p.xml", PALETTE)
-    assert Done("trees/a.xml", "--isolated").said[0] == 1
-    assert Done("trees/a.xml", "--isolated", "--model", "p.xml").said[0] == 0
+    assert CompletedValidation("trees/a.xml", "--isolated").result[0] == 1
+    assert CompletedValidation("trees/a.xml", "--isolated", "--model", "p.xml").result[0] == 0
     os.chdir("trees")
-    assert Done("a.xml", "--isolated").said[0] == 1
+    assert CompletedValidation("a.xml", "--isolated").result[0] == 1
 
 
 @pytest.mark.parametrize("damage", [b"", b"x", b"0" * 64 + b"\n{}", None])
-def test_what_is_damaged_is_as_good_as_none(damage):
+def test_damaged_results_are_ignored_and_replaced(damage):
     write("a.xml", WRONG)
-    first = Done("a.xml")
-    (path,) = kept()
+    first = CompletedValidation("a.xml")
+    (path,) = stored_results()
     path.write_bytes(
         path.read_bytes().replace(b"unknown-attribute", b"unknown-element!!") if damage is None else damage
     )
-    again = Done("a.xml")
-    assert (again.said, again.checked) == (first.said, ["a.xml"])
-    assert Done("a.xml").checked == []
+    again = CompletedValidation("a.xml")
+    assert (again.result, again.checked) == (first.result, ["a.xml"])
+    assert CompletedValidation("a.xml").checked == []
 
 
-def test_where_nothing_can_be_kept_files_are_checked_all_the_same():
+def test_files_are_checked_if_results_cannot_be_stored():
     write("a.xml", WRONG)
     write("no_folder", "")
     assert (
-        Done("a.xml", XDG_CACHE_HOME=str(Path("no_folder").resolve())).said
-        == Done("a.xml", "--no-cache").said
+        CompletedValidation("a.xml", XDG_CACHE_HOME=str(Path("no_folder").resolve())).result
+        == CompletedValidation("a.xml", "--no-cache").result
     )
 
 
-def test_the_oldest_results_go_where_many_are_kept():
+def test_oldest_results_are_deleted_above_limit():
     write("a.xml", CORRECT)
-    Done("a.xml")
-    (first,) = kept()
+    CompletedValidation("a.xml")
+    (first,) = stored_results()
     for number in range(60):
         (first.parent / f"{number}.json").write_bytes(b"x")
         os.utime(first.parent / f"{number}.json", (number, number))
     write("a.xml", WRONG)
-    Done("a.xml")
-    left = {path.stem for path in kept()}
+    CompletedValidation("a.xml")
+    left = {path.stem for path in stored_results()}
     assert len(left) == 40
     assert {first.stem, "59"} <= left
     assert "0" not in left
 
 
-def test_two_processes_at_once_keep_whole_files():
+def test_concurrent_processes_store_complete_results():
     for number in range(6):
         write(f"trees/{number}.xml", WRONG)
     command = [sys.executable, "-c", _PROGRAM, "validate", "trees", "--format", "json"]
     running = [subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) for _ in range(3)]
     assert len({each.communicate(timeout=120.0)[0] for each in running}) == 1
-    assert Done("trees").checked == []
+    assert CompletedValidation("trees").checked == []
 
 
-def test_a_result_that_a_limit_of_work_has_decided_is_not_kept():
+def test_result_that_depends_on_work_limit_is_not_stored():
     loop = '<Script code="a := 0"/><KeepRunningUntilFailure><Sequence><Sleep msec="1"/><Script code="a += 1"/></Sequence></KeepRunningUntilFailure>'
     write("a.xml", document(f"<Sequence>{loop}</Sequence>"))
-    Done("a.xml", "--deep", "0.01")
-    assert Done("a.xml", "--deep", "0.01").checked == ["a.xml"]
+    CompletedValidation("a.xml", "--deep", "0.01")
+    assert CompletedValidation("a.xml", "--deep", "0.01").checked == ["a.xml"]
 
 
-def many(count):
+def write_many(count):
     for number in range(count):
         write(f"trees/{number:02}.xml", (CORRECT, WRONG, SCRIPT)[number % 3].replace("Main", f"T{number}"))
 
 
-def test_many_files_are_checked_in_copies_of_the_process_and_few_are_not():
-    many(validation.FEWEST_FOR_WORKERS)
-    whole = Done("trees", "--no-cache")
-    assert whole.places == ({"copy"} if len(os.sched_getaffinity(0)) > 1 else {"here"})
-    few = Done(*sorted(Path("trees").iterdir())[1:], "--no-cache")
-    assert few.places == {"here"}
-    lines = [each for each in whole.said[1].splitlines() if each.startswith("trees/")]
+def test_only_many_files_are_checked_by_workers():
+    write_many(validation.FEWEST_FOR_WORKERS)
+    whole = CompletedValidation("trees", "--no-cache")
+    assert whole.processes == ({"copy"} if len(os.sched_getaffinity(0)) > 1 else {"here"})
+    few = CompletedValidation(*sorted(Path("trees").iterdir())[1:], "--no-cache")
+    assert few.processes == {"here"}
+    lines = [each for each in whole.result[1].splitlines() if each.startswith("trees/")]
     assert lines == sorted(lines)
 
 
 @pytest.mark.parametrize("form", ["text", "json"])
-def test_copies_say_what_one_process_says(form):
-    many(24)
+def test_workers_report_same_findings_as_one_process(form):
+    write_many(24)
     command = [
         sys.executable,
         "-c",
@@ -303,11 +303,11 @@ def test_copies_say_what_one_process_says(form):
         check=False,
     )
     assert " here" in alone.stderr
-    assert alone.stdout == Done("trees", "--no-cache", "--all", "--format", form).said[1]
+    assert alone.stdout == CompletedValidation("trees", "--no-cache", "--all", "--format", form).result[1]
 
 
-def test_ctrl_c_ends_the_copies_too():
-    many(40)
+def test_ctrl_c_ends_workers():
+    write_many(40)
     loop = (
         "".join(f'<Script code="k{n} := 0"/>' for n in range(8))
         + "<ParallelAll>"
@@ -336,9 +336,9 @@ def test_ctrl_c_ends_the_copies_too():
         os.killpg(process.pid, 0)
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="copies of a process")
-def test_ctrl_c_between_the_starts_of_two_copies_is_reported_as_later():
-    many(40)
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs os.fork")
+def test_ctrl_c_between_worker_starts_is_reported():
+    write_many(40)
     program = """
 import os, signal, sys
 fork = os.fork
@@ -363,8 +363,8 @@ except ChildProcessError:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="copies of a process")
-def test_what_a_killed_copy_had_is_left_to_the_process():
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs os.fork")
+def test_items_of_killed_worker_are_left_to_main_process():
     def work(number):
         if number == 3:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -381,8 +381,8 @@ def test_what_a_killed_copy_had_is_left_to_the_process():
     assert {each for number, each in found.items() if each is not None and each != str(number)} == set()
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="copies of a process")
-def test_all_is_left_to_the_process_where_every_copy_is_killed():
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs os.fork")
+def test_all_items_are_left_to_main_process_if_every_worker_is_killed():
     workers = ForkedWorkers(lambda _: os.kill(os.getpid(), signal.SIGKILL), range(10), 60.0)
     try:
         workers.start(2)
@@ -391,7 +391,7 @@ def test_all_is_left_to_the_process_where_every_copy_is_killed():
         workers.terminate_workers()
 
 
-def test_each_file_is_compiled_once_to_try_its_runs(tmp_path):
+def test_each_file_is_compiled_once_for_proofs(tmp_path):
     write("a.xml", SCRIPT)
     program = """
 import sys

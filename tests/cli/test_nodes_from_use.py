@@ -1,4 +1,4 @@
-"""`nodes --from-use` makes a palette of what trees use and nobody describes."""
+"""Tests of `nodes --from-use`, which makes a palette of the undescribed nodes that trees use."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ def run(capsys, *arguments):
 
 
 def models(capsys, *options):
-    """Return the palette of the folder: of each ID the kind, and of each port its direction and type."""
+    """Return the palette of the folder: the kind of each ID, and the direction and type of each port."""
     _, out, _ = run(capsys, "nodes", "--from-use", "ws", *options)
     (described,) = parse_xml(out, "palette.xml").root.children
     return {
@@ -52,7 +52,7 @@ def models(capsys, *options):
     }
 
 
-def test_the_kind_of_a_node_is_that_of_its_explicit_form_or_of_its_children(capsys):
+def test_node_kind_follows_from_explicit_form_or_children(capsys):
     kinds = {tag: kind for tag, (kind, _) in models(capsys).items()}
     assert kinds == {
         "Either": "Control",
@@ -63,19 +63,19 @@ def test_the_kind_of_a_node_is_that_of_its_explicit_form_or_of_its_children(caps
     }
 
 
-def test_the_types_of_ports_are_those_of_all_values_that_are_written(capsys):
+def test_port_type_fits_all_written_values(capsys):
     _, ports = models(capsys)["Grasp"]
     types = {name: type_name for name, (_, type_name) in ports.items()}
     assert types == {"at": None, "strength": "double", "gentle": "bool", "tool": "std::string"}
 
 
-def test_a_key_that_nothing_has_before_and_something_has_after_is_taken_for_an_output(capsys):
+def test_key_that_is_first_used_by_node_and_read_later_is_output(capsys):
     found = models(capsys)
     assert found["FindObject"][1]["pose"][0] == "output_port"
     assert found["Grasp"][1]["at"][0] == "input_port"
 
 
-def test_a_key_that_a_tree_is_handed_is_no_output_of_its_first_reader(capsys):
+def test_key_passed_to_tree_is_input_of_first_reader(capsys):
     inner = (
         '<BehaviorTree ID="Inner"><Sequence><Lift at="{pose}"/><Lower at="{pose}"/></Sequence></BehaviorTree>'
     )
@@ -84,23 +84,23 @@ def test_a_key_that_a_tree_is_handed_is_no_output_of_its_first_reader(capsys):
     assert models(capsys)["Lift"][1]["at"][0] == "input_port"
 
 
-def test_a_node_that_is_described_or_installed_is_not_in_the_palette(capsys):
+def test_described_and_installed_nodes_are_not_in_palette(capsys):
     write("ws/arm_tree_nodes.xml", run(capsys, "nodes", "--from-use", "ws", "Grasp")[1])
     assert set(models(capsys)) == {"Either", "FindObject", "IsHeld", "Retrying"}
 
 
-def test_one_node_alone_can_be_asked_for(capsys):
+def test_palette_of_named_node_contains_only_that_node(capsys):
     assert set(models(capsys, "Grasp")) == {"Grasp"}
 
 
-def test_with_the_palette_nothing_is_unknown_any_more(capsys):
+def test_palette_describes_all_unknown_nodes(capsys):
     assert run(capsys, "validate", "ws")[0] == 1
     write("palette.xml", run(capsys, "nodes", "--from-use", "ws")[1])
     status, out, _ = run(capsys, "validate", "ws", "--model", "palette.xml")
     assert (status, "unknown" in out) == (0, False)
 
 
-def test_trees_that_are_in_no_file_of_the_folder_are_in_the_palette_without_ports(capsys):
+def test_trees_missing_from_folder_are_in_palette_without_ports(capsys):
     uses = (
         '<SubTree ID="Go there" at="{pose}"/><SubTree ID="Go there"/><SubTree ID="Held"/><SubTree ID="Rest"/>'
     )
@@ -116,19 +116,19 @@ def test_trees_that_are_in_no_file_of_the_folder_are_in_the_palette_without_port
     assert (status, "unknown-tree" in out) == (0, False)
 
 
-def test_a_file_that_cannot_be_read_is_passed_over_and_named(capsys):
+def test_malformed_file_is_skipped_and_named(capsys):
     write("ws/broken.xml", document("<Sequence>"))
     status, out, err = run(capsys, "nodes", "--from-use", "ws")
     assert (status, "Grasp" in out) == (0, True)
     assert "ws/broken.xml is not a well-formed tree file" in err
 
 
-def test_json_is_no_form_of_a_palette(capsys):
+def test_json_format_is_rejected(capsys):
     status, _, err = run(capsys, "nodes", "--from-use", "ws", "--format", "json")
     assert (status, "remove --format json" in err) == (2, True)
 
 
-def test_a_port_has_the_type_of_a_known_port_that_shares_its_key(capsys):
+def test_port_has_type_of_known_port_with_same_key(capsys):
     body = '<Sequence><Measure time="{t}" goal="{g}" word="{w}"/><Sleep msec="{t}"/><ComputePathToPose goal="{g}" path="{p}"/></Sequence>'
     write("ws/arm.xml", document(body))
     _, ports = models(capsys, "--model", "nav2:jazzy")["Measure"]

@@ -1,4 +1,4 @@
-"""`validate` tells each cause once, and each place where tools read it."""
+"""Tests that `validate` reports each cause once, and each location in the formats for tools."""
 
 import json
 import re
@@ -15,7 +15,7 @@ def run(capsys, *arguments):
 
 
 def heads(out):
-    """Return the first lines of the findings in what was printed."""
+    """Return the first line of each printed finding."""
     return [line for line in out.splitlines() if re.match(r"\S+:\d+:\d+: \w+\[", line)]
 
 
@@ -28,7 +28,7 @@ def palette_of(tag, port="strength"):
     return f'<root BTCPP_format="4"><TreeNodesModel>{model}</TreeNodesModel></root>'
 
 
-def test_a_name_that_is_unknown_in_several_files_is_told_once_with_the_other_places(capsys):
+def test_unknown_name_in_several_files_is_reported_once_with_other_locations(capsys):
     for name in "abc":
         write(f"ws/{name}.xml", tree_of("Grasp"))
     _, out, err = run(capsys, "ws")
@@ -38,26 +38,26 @@ def test_a_name_that_is_unknown_in_several_files_is_told_once_with_the_other_pla
 
 
 @pytest.mark.parametrize(("places", "told"), [(1, 1), (3, 3), (4, 1), (12, 1)])
-def test_up_to_three_places_in_one_file_are_told_one_by_one(capsys, places, told):
+def test_up_to_three_locations_in_one_file_are_listed_individually(capsys, places, told):
     write("a.xml", tree_of(*["Grasp"] * places))
     assert len(heads(run(capsys, "a.xml")[1])) == told
 
 
-def test_all_tells_each_place(capsys):
+def test_all_option_lists_each_location(capsys):
     write("a.xml", tree_of(*["Grasp"] * 12))
     _, out, err = run(capsys, "--all", "a.xml")
     assert len(heads(out)) == 12
     assert err == "12 errors in 1 file\n"
 
 
-def test_the_order_of_what_is_told_is_that_of_the_first_places(capsys):
+def test_causes_are_ordered_by_first_location(capsys):
     write("a.xml", tree_of("Grasp", "Place"))
     write("b.xml", tree_of("Lift", "Grasp"))
     told = heads(run(capsys, "a.xml", "b.xml")[1])
     assert [head.split("'")[1] for head in told] == ["Grasp", "Place", "Lift"]
 
 
-def test_an_error_and_a_warning_are_not_told_as_one(capsys):
+def test_findings_of_different_severity_are_not_merged(capsys):
     write("a/sar.toml", '[findings]\nneedless-node = "warning"\n')
     for name in ("a/tree.xml", "b/tree.xml"):
         write(name, document("<Sequence><AlwaysSuccess/></Sequence>"))
@@ -65,7 +65,7 @@ def test_an_error_and_a_warning_are_not_told_as_one(capsys):
     assert (out.count("warning[needless-node]"), out.count("info[needless-node]")) == (1, 1)
 
 
-def test_json_has_every_place_and_equal_causes_for_those_of_one(capsys):
+def test_json_lists_each_location_with_its_cause(capsys):
     write("ws/a.xml", tree_of("Grasp", "Sequence"))
     write("ws/b.xml", tree_of("Grasp"))
     found = json.loads(run(capsys, "--format", "json", "ws")[1])
@@ -73,7 +73,7 @@ def test_json_has_every_place_and_equal_causes_for_those_of_one(capsys):
     assert (grasp == other, grasp == empty) == (True, False)
 
 
-def test_names_that_are_all_unknown_are_one_cause_if_there_are_more_than_three(capsys):
+def test_more_than_three_unknown_names_are_reported_as_one_cause(capsys):
     write("a.xml", tree_of("Grasp", "Place", "Lift", "Grasp"))
     assert len(heads(run(capsys, "a.xml")[1])) == 4
     write("a.xml", tree_of("Grasp", "Place", "Lift", "Grasp", "Weld"))
@@ -82,7 +82,7 @@ def test_names_that_are_all_unknown_are_one_cause_if_there_are_more_than_three(c
     assert told.endswith(f"there are no nodes of these names: {names}")
 
 
-def test_a_palette_in_a_folder_describes_the_nodes_of_its_trees_and_is_named(capsys):
+def test_palette_in_folder_describes_nodes_of_its_trees_and_is_named(capsys):
     write("ws/trees/a.xml", tree_of("Grasp"))
     write("ws/arm_tree_nodes.xml", palette_of("Grasp"))
     status, _, err = run(capsys, "ws")
@@ -92,20 +92,20 @@ def test_a_palette_in_a_folder_describes_the_nodes_of_its_trees_and_is_named(cap
     assert run(capsys, "--isolated", "ws/trees/a.xml")[0] == 1
 
 
-def test_a_project_of_groot2_describes_nodes_as_well(capsys):
+def test_groot2_project_describes_nodes(capsys):
     write("ws/a.xml", tree_of("Grasp"))
     write("ws/arm.btproj", palette_of("Grasp"))
     assert run(capsys, "ws")[0] == 0
 
 
-def test_of_several_palettes_the_nearest_one_counts(capsys):
+def test_nearest_of_several_palettes_applies(capsys):
     for robot, port in (("one", "force"), ("two", "width")):
         write(f"ws/{robot}/nodes.xml", palette_of("Grasp", port))
         write(f"ws/{robot}/tree.xml", document(f'<Grasp {port}="1"/>'))
     assert run(capsys, "--format", "json", "ws")[1] == "[]\n"
 
 
-def test_a_palette_describes_the_nodes_of_every_file_whatever_one_of_them_describes_itself(capsys):
+def test_palette_applies_to_all_files_even_if_one_has_own_model(capsys):
     own = palette_of("Grasp").partition("<TreeNodesModel>")[2].partition("</root>")[0]
     main = document('<Sequence><Grasp strength="1"/><SubTree ID="Other"/></Sequence>')
     write("ws/a.xml", main.replace("</root>", f"<TreeNodesModel>{own}</root>"))
@@ -114,14 +114,14 @@ def test_a_palette_describes_the_nodes_of_every_file_whatever_one_of_them_descri
     assert run(capsys, "--format", "json", "ws")[1] == "[]\n"
 
 
-def test_what_a_palette_in_a_folder_says_of_a_subtree_is_of_another_tree(capsys):
+def test_palette_does_not_describe_subtree_that_file_contains(capsys):
     inner = '<BehaviorTree ID="Other"><AlwaysSuccess/></BehaviorTree>'
     write("ws/a.xml", document('<SubTree ID="Other"/>').replace("</root>", f"{inner}</root>"))
     write("ws/old/nodes.xml", palette_of("Other").replace("Action", "SubTree"))
     assert run(capsys, "ws")[0] == 0
 
 
-def test_a_tree_that_several_files_of_a_folder_have_is_no_error(capsys):
+def test_tree_defined_in_several_files_is_warning(capsys):
     write("ws/main.xml", document('<SubTree ID="Grip"/>'))
     for robot in "ab":
         write(f"ws/{robot}/grip.xml", document(f'<AlwaysSuccess name="{robot}"/>', main="Grip"))
@@ -129,7 +129,7 @@ def test_a_tree_that_several_files_of_a_folder_have_is_no_error(capsys):
     assert (status, "warning[duplicate-tree-id]" in out) == (0, True)
 
 
-def test_sarif_has_every_place_with_its_cause(capsys):
+def test_sarif_lists_each_location_with_its_cause(capsys):
     write("a.xml", tree_of(*["Grasp"] * 5))
     results = json.loads(run(capsys, "--format", "sarif", "a.xml")[1])["runs"][0]["results"]
     causes = [each["properties"]["cause"] for each in results]
@@ -137,12 +137,12 @@ def test_sarif_has_every_place_with_its_cause(capsys):
 
 
 @pytest.mark.parametrize(("options", "told"), [((), 1), (("--all",), 5)])
-def test_github_is_told_each_cause_once(capsys, options, told):
+def test_github_format_reports_each_cause_once_without_all_option(capsys, options, told):
     write("a.xml", tree_of(*["Grasp"] * 5))
     assert run(capsys, "--format", "github", *options, "a.xml")[1].count("::error ") == told
 
 
-def test_the_exit_status_is_that_of_all_places(capsys):
+def test_exit_status_does_not_depend_on_all_option(capsys):
     for name in "abcde":
         write(f"ws/{name}.xml", tree_of("Grasp"))
     assert run(capsys, "ws")[0] == run(capsys, "--all", "ws")[0] == 1

@@ -1,4 +1,4 @@
-"""Standard output of a run: whole lines, and what becomes of a run whose output is closed."""
+"""Tests of the standard output of a run: whole lines, and a closed output."""
 
 import io
 import os
@@ -13,24 +13,24 @@ from sar_compiler.terminal import RunOutput
 
 @contextmanager
 def closed_pipe(monkeypatch):
-    """Let standard output be a pipe that nobody reads."""
+    """Make standard output a pipe without a reader."""
     reader, writer = os.pipe()
     os.close(reader)
-    # Closing flushes what is left in the buffer, as Python does at its end.
+    # Closing flushes the buffer, as Python does at exit.
     with os.fdopen(writer, "w", encoding="utf-8") as stream, monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", stream)
         yield
 
 
-def test_what_is_shown_and_said_stands_on_standard_output(capsys):
+def test_momentary_and_important_text_goes_to_standard_output(capsys):
     output = RunOutput()
     output.print_momentary("a tree")
     output.print_important("a summary")
     assert capsys.readouterr() == ("a tree\na summary\n", "")
 
 
-class Pieces(io.BytesIO):
-    """Keeps what is written to it each time, if it is anything."""
+class WriteRecorder(io.BytesIO):
+    """Stores the data of each write that is not empty."""
 
     def __init__(self):
         super().__init__()
@@ -43,9 +43,9 @@ class Pieces(io.BytesIO):
 
 
 @pytest.mark.parametrize(("name", "show"), [("stdout", RunOutput().print_momentary), ("stderr", print_error)])
-def test_a_line_is_written_in_one_piece_so_that_the_log_comes_between_lines(monkeypatch, name, show):
-    pieces = Pieces()
-    # As Python itself has it with PYTHONUNBUFFERED.
+def test_text_is_written_in_one_piece(monkeypatch, name, show):
+    pieces = WriteRecorder()
+    # As with PYTHONUNBUFFERED.
     with io.TextIOWrapper(pieces, encoding="utf-8", write_through=True) as stream:
         monkeypatch.setattr(sys, name, stream)
         show("a tree\nwith a leaf")
@@ -53,7 +53,7 @@ def test_a_line_is_written_in_one_piece_so_that_the_log_comes_between_lines(monk
         monkeypatch.undo()
 
 
-def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monkeypatch):
+def test_closed_output_is_reported_once_on_standard_error(capsys, monkeypatch):
     with closed_pipe(monkeypatch):
         output = RunOutput()
         output.print_momentary("a tree")
@@ -64,13 +64,13 @@ def test_that_nobody_reads_any_more_is_said_once_on_standard_error(capsys, monke
     )
 
 
-def test_what_somebody_should_see_is_said_on_standard_error_then(capsys, monkeypatch):
+def test_important_text_goes_to_standard_error_if_output_is_closed(capsys, monkeypatch):
     with closed_pipe(monkeypatch):
         RunOutput().print_important("a summary")
     assert capsys.readouterr().err.endswith("The run continues without output\na summary\n")
 
 
-def test_a_drawing_that_the_terminal_cannot_show_does_not_end_the_run(capsys, monkeypatch, tmp_path):
+def test_drawing_that_cannot_be_encoded_does_not_end_run(capsys, monkeypatch, tmp_path):
     with (tmp_path / "out").open("w", encoding="ascii") as stream, monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", stream)
         RunOutput().print_momentary("ZonesRemaining? [✓]")

@@ -1,4 +1,4 @@
-"""Palettes on the command line: files that describe nodes which are not installed."""
+"""Tests of palettes on the command line, which describe nodes that are not installed."""
 
 import json
 import shutil
@@ -31,7 +31,7 @@ def palette(tmp_path):
     return write
 
 
-def test_a_palette_is_a_correct_file(capsys, palette):
+def test_palette_is_valid_file(capsys, palette):
     path = palette(RIGHT)
     assert run(capsys, "validate", path) == (0, f"{path}: no findings\n", "")
 
@@ -39,7 +39,7 @@ def test_a_palette_is_a_correct_file(capsys, palette):
 @pytest.mark.parametrize("name", ["turtle_tree_nodes.xml", "robot.btproj"])
 @pytest.mark.parametrize("body", ["<Fly/>", '<Action ID="Fly"/>'])
 @pytest.mark.parametrize("command", ["validate", "simulate"])
-def test_a_palette_beside_a_file_describes_its_nodes_and_is_named(capsys, tree, name, body, command):
+def test_palette_in_folder_of_tree_describes_its_nodes_and_is_named(capsys, tree, name, body, command):
     palette = Path(tree).with_name(name)
     palette.write_text(RIGHT, encoding="utf-8")
     Path(tree).write_text(document(body), encoding="utf-8")
@@ -49,19 +49,19 @@ def test_a_palette_beside_a_file_describes_its_nodes_and_is_named(capsys, tree, 
 
 
 @pytest.mark.parametrize("text", ["<root>", document("<Fly/>"), RIGHT.replace("Fly", "Swim"), ""])
-def test_what_does_not_describe_a_node_is_not_named_for_it(capsys, tree, text):
+def test_file_that_does_not_describe_node_is_not_named(capsys, tree, text):
     Path(tree).with_name("other.xml").write_text(text, encoding="utf-8")
     status, _, err = run(capsys, "validate", tree)
     assert (status, "described by" in err) == (1, False)
 
 
-def test_a_palette_has_no_tree_to_show(capsys, palette):
+def test_show_of_palette_reports_missing_tree(capsys, palette):
     status, out, err = run(capsys, "show", palette(RIGHT))
     assert (status, out) == (1, "")
     assert "no-tree" in err
 
 
-def test_what_is_wrong_with_a_palette_is_said_once_however_many_files_are_checked(capsys, palette, tree):
+def test_palette_finding_is_reported_once_for_several_files(capsys, palette, tree):
     path = palette(WRONG)
     other = Path(shutil.copy(tree, Path(tree).with_name("other.xml")))
     status, out, _ = run(capsys, "validate", "--model", path, tree, str(other))
@@ -70,7 +70,7 @@ def test_what_is_wrong_with_a_palette_is_said_once_however_many_files_are_checke
     assert out.endswith(f"{tree}: no findings\n{other}: no findings\n")
 
 
-def test_a_palette_that_is_among_the_files_is_spoken_of_there_alone(capsys, palette, tree):
+def test_findings_of_palette_among_checked_files_are_reported_once(capsys, palette, tree):
     path = palette(WRONG)
     status, out, _ = run(capsys, "validate", "--strict", "--model", path, tree, path)
     assert status == 1
@@ -78,22 +78,22 @@ def test_a_palette_that_is_among_the_files_is_spoken_of_there_alone(capsys, pale
     assert (out.count("model-mismatch"), out.count("no findings")) == (1, 1)
 
 
-def test_a_palette_that_is_wrong_is_data_too(capsys, palette, tree):
+def test_json_contains_palette_findings(capsys, palette, tree):
     status, out, _ = run(capsys, "validate", "--format", "json", "--model", palette(WRONG), tree, tree)
     assert (status, [finding["code"] for finding in json.loads(out)]) == (0, ["model-mismatch"])
 
 
 @pytest.mark.parametrize("command", ["validate", "show", "verify", "simulate"])
-def test_a_slip_in_a_palette_keeps_nobody_from_using_it(capsys, palette, tree, command):
+def test_palette_with_finding_is_usable(capsys, palette, tree, command):
     assert run(capsys, command, "--model", palette(WRONG), tree)[0] == 0
 
 
-def test_a_palette_that_is_malformed_is_the_only_finding(capsys, palette, tree):
+def test_malformed_palette_is_only_finding(capsys, palette, tree):
     status, out, _ = run(capsys, "validate", "--model", palette("<root>"), tree, tree)
     assert (status, out.count("malformed-xml"), out.count(tree)) == (1, 1, 0)
 
 
-def test_a_palette_that_is_not_there_is_said_once(capsys, tree):
+def test_missing_palette_is_reported_once(capsys, tree):
     status, out, err = run(capsys, "validate", "--model", "nowhere.xml", tree, tree)
     assert (status, out) == (2, "")
     assert err == "sar-compile: cannot read nowhere.xml: No such file or directory\n"
@@ -107,7 +107,7 @@ DESCRIBED = """\
 """
 
 
-def test_an_editor_completes_by_the_xml_schema_what_a_palette_describes(capsys, palette):
+def test_xml_schema_contains_nodes_of_palette(capsys, palette):
     status, out, err = run(capsys, "schema", "--model", palette(DESCRIBED))
     assert (status, err) == (0, "")
     schema = etree.XMLSchema(etree.fromstring(out.encode()))
@@ -120,7 +120,7 @@ def test_an_editor_completes_by_the_xml_schema_what_a_palette_describes(capsys, 
     assert "<xs:documentation>Input. The way to follow.</xs:documentation>" in out
 
 
-def test_an_editor_completes_by_the_json_schema_what_several_palettes_describe(capsys, palette, tmp_path):
+def test_json_schema_contains_nodes_of_several_palettes(capsys, palette, tmp_path):
     other = tmp_path / "other.xml"
     other.write_text(RIGHT)
     status, out, _ = run(
@@ -134,7 +134,7 @@ def test_an_editor_completes_by_the_json_schema_what_several_palettes_describe(c
     )
 
 
-def test_what_a_palette_describes_is_among_what_can_be_written(capsys, palette):
+def test_nodes_command_describes_nodes_of_palette(capsys, palette):
     assert (
         "path: input; a value. optional. The way to follow."
         in (run(capsys, "nodes", "FollowPath", "--model", palette(DESCRIBED))[1])
@@ -142,13 +142,13 @@ def test_what_a_palette_describes_is_among_what_can_be_written(capsys, palette):
 
 
 @pytest.mark.parametrize("command", ["schema", "nodes"])
-def test_a_palette_that_cannot_be_read_gives_no_list(capsys, palette, command):
+def test_malformed_palette_prevents_schema_and_node_list(capsys, palette, command):
     status, out, err = run(capsys, command, "--model", palette("<root><"))
     assert (status, out) == (1, "")
     assert "error[malformed-xml]" in err
 
 
-def test_a_node_that_an_installed_palette_knows_is_said_to_be_there(capsys, tmp_path):
+def test_unknown_node_suggests_installed_palettes_that_describe_it(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text(document('<FollowPath path="{path}"/>'), encoding="utf-8")
     _, out, _ = run(capsys, "validate", str(path))

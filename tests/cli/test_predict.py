@@ -1,4 +1,4 @@
-"""`sar-compile predict`, as it is typed."""
+"""Tests of `sar-compile predict`."""
 
 import json
 import re
@@ -11,7 +11,7 @@ TREE = """<root BTCPP_format="4"><BehaviorTree ID="Tree">
   <Repeat num_success="9"><DetectSurvivor/></Repeat>
 </BehaviorTree></root>
 """
-CHANCES = """
+PROBABILITIES = """
 outcomes:
   DetectSurvivor: [{{outcome: found, p: 0}}, {{outcome: nothing, p: {nothing}, sec: {sec}}}, {{outcome: no answer}}]
 properties:
@@ -23,25 +23,25 @@ properties:
 def predict(tmp_path, capsys):
     def predict(*arguments, nothing=0.9, sec=1):
         (tmp_path / "tree.xml").write_text(TREE, encoding="utf-8")
-        (tmp_path / "p.yaml").write_text(CHANCES.format(nothing=nothing, sec=sec), encoding="utf-8")
+        (tmp_path / "p.yaml").write_text(PROBABILITIES.format(nothing=nothing, sec=sec), encoding="utf-8")
         words = [word.format(folder=tmp_path) for word in arguments]
         return run(capsys, "predict", tmp_path / "tree.xml", "--properties", tmp_path / "p.yaml", *words)
 
     return predict
 
 
-def test_chances_and_times_are_told_line_by_line(predict):
+def test_probabilities_and_times_are_printed_line_by_line(predict):
     status, out, err = predict()
     assert (status, err) == (0, "")
     lines = out.splitlines()
     assert re.fullmatch(r"\d+ states, \d+ steps between them, \d+\.\d s", lines[0])
     assert "  success:           38.7 %" in lines
     assert "  always an outcome: 38.7 %" in lines
-    # Repeat goes on in the next tick, half a second later.
+    # Repeat continues in the next tick, half a second later.
     assert "  time to success:   13.0 s" in lines
 
 
-def test_as_json_there_is_the_same_with_both_bounds(predict):
+def test_json_output_has_both_bounds(predict):
     status, out, _ = predict("--format", "json", nothing=[0.8, 0.9])
     told = json.loads(out)
     assert status == 0
@@ -50,21 +50,21 @@ def test_as_json_there_is_the_same_with_both_bounds(predict):
     assert (told["complete"], told["unknown"]) == (True, [])
 
 
-def test_ticks_come_as_often_as_is_said(predict):
+def test_period_option_sets_tick_period(predict):
     times = [
         json.loads(predict("--period", sec, "--format", "json")[1])["success_sec"] for sec in ("1", "0.25")
     ]
     assert [each["low"] for each in times] == pytest.approx([9 * 1 + 8 * 1, 9 * 1 + 8 * 0.25])
 
 
-def test_a_plot_has_both_lines_and_seconds_that_can_be_read(predict, tmp_path):
+def test_plot_has_both_curves_and_round_seconds(predict, tmp_path):
     assert predict("--plot", "{folder}/plot.svg")[0] == 0
     picture = (tmp_path / "plot.svg").read_text(encoding="utf-8")
     assert all(f'<path class="{each}"' in picture for each in ("ended", "succeeded"))
     assert re.findall(r'text-anchor="middle">([\d.]+)<', picture) == ["0", "2", "4", "6", "8", "10", "12"]
 
 
-def test_without_times_there_is_no_plot_and_that_is_said(predict, tmp_path):
+def test_plot_without_end_times_is_not_written_and_reported(predict, tmp_path):
     status, out, err = predict("--plot", "{folder}/plot.svg", "--max-states", "3")
     assert status == 1
     assert "Not all states were explored" in out
@@ -72,14 +72,14 @@ def test_without_times_there_is_no_plot_and_that_is_said(predict, tmp_path):
     assert not (tmp_path / "plot.svg").exists()
 
 
-def test_chances_that_are_too_many_are_shown_at_their_place(predict):
+def test_reversed_probability_interval_is_reported_with_location(predict):
     status, _, err = predict(nothing=[0.9, 0.8])
     assert status == 1
     assert "p.yaml:3:" in err
     assert "the lower number of an interval must come first" in err
 
 
-def test_a_time_of_too_many_ticks_is_refused_with_the_period_that_would_do(predict, monkeypatch):
+def test_duration_of_too_many_ticks_is_rejected_with_suggested_period(predict, monkeypatch):
     monkeypatch.setattr("sar_compiler.analysis.predict._MOST_TICKS", 20)
     status, out, err = predict("--period", "1", sec=30)
     assert (status, out) == (1, "")

@@ -1,4 +1,4 @@
-"""How far something is, in a line on standard error."""
+"""Tests of the progress line on standard error."""
 
 import io
 
@@ -10,7 +10,7 @@ TERMINAL, FILE = True, False
 
 
 class Screen(io.StringIO):
-    """Standard error, on a terminal or not."""
+    """Standard error that is a terminal or a file."""
 
     def __init__(self, is_terminal):
         super().__init__()
@@ -21,8 +21,8 @@ class Screen(io.StringIO):
 
 
 @pytest.fixture
-def shown(monkeypatch):
-    """Return what was shown after texts, each with the seconds since the beginning."""
+def render(monkeypatch):
+    """Return a function that shows texts, each at a time in seconds, and returns the output."""
 
     def show(is_terminal, *texts, term="xterm"):
         monkeypatch.setenv("TERM", term)
@@ -38,19 +38,19 @@ def shown(monkeypatch):
     return show
 
 
-def test_what_is_over_within_a_second_says_nothing(shown):
-    assert shown(TERMINAL, (0.5, "half"), (0.9, "nearly")) == ""
+def test_nothing_is_shown_within_first_second(render):
+    assert render(TERMINAL, (0.5, "half"), (0.9, "nearly")) == ""
 
 
-def test_on_a_terminal_a_line_is_overwritten_and_goes_away(shown):
-    assert shown(TERMINAL, (1.0, "10 %"), (1.1, "11 %"), (2.0, "20 %")) == "\r\x1b[K10 %\r\x1b[K20 %\r\x1b[K"
+def test_line_on_terminal_is_overwritten_and_cleared(render):
+    assert render(TERMINAL, (1.0, "10 %"), (1.1, "11 %"), (2.0, "20 %")) == "\r\x1b[K10 %\r\x1b[K20 %\r\x1b[K"
 
 
-def test_a_line_that_is_wider_than_the_terminal_is_cut(shown):
-    assert shown(TERMINAL, (1.0, "x" * 100)) == f"\r\x1b[K{'x' * 79}\r\x1b[K"
+def test_line_wider_than_terminal_is_cut(render):
+    assert render(TERMINAL, (1.0, "x" * 100)) == f"\r\x1b[K{'x' * 79}\r\x1b[K"
 
 
 @pytest.mark.parametrize("where", [{"is_terminal": FILE}, {"is_terminal": TERMINAL, "term": "dumb"}])
-def test_where_nothing_can_be_overwritten_nothing_is_said(shown, where):
+def test_nothing_is_shown_if_line_cannot_be_overwritten(render, where):
     term = where.get("term", "xterm")
-    assert shown(where["is_terminal"], (5.0, "5"), (60.0, "60"), term=term) == ""
+    assert render(where["is_terminal"], (5.0, "5"), (60.0, "60"), term=term) == ""

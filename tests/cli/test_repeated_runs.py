@@ -1,10 +1,10 @@
-"""The process that runs `sar-run` again and again."""
+"""Tests of the process that runs `sar-run` repeatedly."""
 
 import json
 import subprocess
 import sys
 
-# What each run leaves behind refers to itself; each tells how many are left of those before it.
+# Each run leaves an object that refers to itself, and prints the number of such objects from earlier runs.
 _RUNS = """
 import gc
 from sar_compiler.cli import run, repeated_runs
@@ -23,14 +23,14 @@ repeated_runs.serve()
 """
 
 
-def test_nothing_that_a_run_leaves_behind_is_there_in_the_next_one():
+def test_objects_of_run_are_collected_before_next_run():
     done = subprocess.run(
         [sys.executable, "-c", _RUNS], input="[]\n" * 3, capture_output=True, text=True, check=True
     )
     assert [json.loads(line)[1] for line in done.stdout.splitlines()] == ["0\n"] * 3
 
 
-_MISTAKEN = """
+_FAILING_RUNS = """
 import sys
 from sar_compiler.cli import run, repeated_runs
 
@@ -43,10 +43,10 @@ repeated_runs.serve()
 """
 
 
-def test_of_a_run_that_has_not_begun_all_mistakes_are_told_and_of_others_the_last_line():
+def test_all_errors_are_reported_for_status_2_and_last_line_otherwise():
     asked = '["2", "first mistake"]\n["1", "on the way"]\n'
     done = subprocess.run(
-        [sys.executable, "-c", _MISTAKEN], input=asked, capture_output=True, text=True, check=True
+        [sys.executable, "-c", _FAILING_RUNS], input=asked, capture_output=True, text=True, check=True
     )
     words = [json.loads(line)[2] for line in done.stdout.splitlines()]
     assert words == ["2\nfirst mistake\nsecond mistake", "second mistake"]

@@ -1,4 +1,4 @@
-"""`ros2 mission`: the commands beside ROS's own, and orders to missions that run somewhere in the graph."""
+"""Tests of `ros2 mission`: the project's commands as verbs, and commands to running missions."""
 
 import argparse
 import queue
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture
 def mission(monkeypatch, capsys):
-    """What is typed behind `ros2 mission`, as ros2cli has it done: its exit status, and what was printed."""
+    """Return a function that runs `ros2 mission` as ros2cli does, and returns its exit status and output."""
     monkeypatch.syspath_prepend(str(STAND_INS))
     modules = ("ros2cli", "ros2cli.command", "sar_compiler.cli.ros2_command")
     for name in modules:
@@ -32,13 +32,13 @@ def mission(monkeypatch, capsys):
     parser = argparse.ArgumentParser("ros2 mission")
     command.add_arguments(parser, "ros2")
 
-    def typed(*words):
+    def run_mission_command(*words):
         capsys.readouterr()
         status = command.main(parser=parser, args=parser.parse_args(words))
         printed = capsys.readouterr()
         return status, printed.out + printed.err
 
-    yield typed
+    yield run_mission_command
     for name in modules:
         sys.modules.pop(name, None)
 
@@ -50,7 +50,7 @@ def authors():
 
 @pytest.fixture
 def robots(ros, authors):
-    """Missions that run: each drives an action, and heeds orders."""
+    """Return a function that starts a mission with an action and with command services."""
     from rcl_interfaces.msg import SetParametersResult
     from std_srvs.srv import Trigger
 
@@ -61,32 +61,32 @@ def robots(ros, authors):
     nodes = []
     threads: list[Thread] = []
 
-    def take_author(parameters):
+    def record_author(parameters):
         authors.put(parameters[0].value)
         return SetParametersResult(successful=True)
 
-    def fly(name, heeds):
+    def start_mission(name, responses):
         node = ros.node(name, allow_undeclared_parameters=True)
         nodes.append(node)
-        node.add_on_set_parameters_callback(take_author)
+        node.add_on_set_parameters_callback(record_author)
 
-        def carry_out(order):
-            def answer(_request, response):
-                given.append((name, order))
-                response.success, response.message = heeds[order]
+        def callback_for(command_name):
+            def respond(_request, response):
+                given.append((name, command_name))
+                response.success, response.message = responses[command_name]
                 return response
 
-            return answer
+            return respond
 
-        for order in heeds:
-            node.create_service(Trigger, f"~/{order}", carry_out(order))
+        for command_name in responses:
+            node.create_service(Trigger, f"~/{command_name}", callback_for(command_name))
         RobotLease(node, [f"{name}/drive"], DiscoveryWait(node)).run()
         if not threads:
             threads.append(Thread(target=ros.executor.spin))
             threads[0].start()
         return given
 
-    yield fly
+    yield start_mission
     ros.executor.shutdown()
     for thread in threads:
         thread.join()
@@ -94,79 +94,79 @@ def robots(ros, authors):
         node.destroy_node()
 
 
-HEEDS = {"pause": (True, "held"), "skip_it": (False, "nothing is left"), "abort": (True, "")}
+RESPONSES = {"pause": (True, "held"), "skip_it": (False, "nothing is left"), "abort": (True, "")}
 
 
-def test_validate_has_the_options_and_the_status_of_the_command(mission, tmp_path):
+def test_validate_has_options_and_status_of_sar_compile(mission, tmp_path):
     (tmp_path / "wrong.xml").write_text(document("<Sleep/>"), encoding="utf-8")
     status, said = mission("validate", "--format", "json", str(tmp_path / "wrong.xml"))
     assert status == 1
     assert '"code": "missing-attribute"' in said
 
 
-def test_run_has_the_options_and_the_status_of_the_command(mission):
+def test_run_has_options_and_status_of_sar_run(mission):
     status, said = mission("run", "no_such_tree", "--sim")
     assert status == 2
     assert "no_such_tree" in said
 
 
-def test_without_a_verb_the_verbs_are_told(mission):
+def test_missing_verb_prints_verbs(mission):
     status, said = mission()
     assert status == 0
     assert "commands" in said
 
 
-def test_where_no_mission_drives_a_robot_the_list_says_so(mission):
+def test_list_reports_that_no_mission_was_found(mission):
     assert mission("list") == (0, "No mission that drives a robot was found.\n")
 
 
-def test_the_list_has_the_missions_with_what_they_drive_and_heed(mission, robots):
-    robots("digger", HEEDS)
+def test_list_shows_missions_with_actions_and_commands(mission, robots):
+    robots("digger", RESPONSES)
     robots("flyer", {})
     status, said = mission("list")
-    first, orders, second = said.splitlines()
+    first, commands, second = said.splitlines()
     assert status == 0
     assert first.startswith("node /digger (process ")
     assert first.endswith(", drives /digger/drive")
-    assert orders == "  commands: abort, pause, skip_it"
+    assert commands == "  commands: abort, pause, skip_it"
     assert second.startswith("node /flyer ")
 
 
-def test_an_order_is_given_and_its_answer_is_told(mission, robots):
-    given = robots("digger", HEEDS)
+def test_command_is_sent_and_its_response_printed(mission, robots):
+    given = robots("digger", RESPONSES)
     assert mission("pause") == (0, "held\n")
     assert given == [("digger", "pause")]
     assert mission("order", "abort") == (0, "abort: done\n")
 
 
-def test_an_order_says_who_gives_it_and_why_before_it_is_given(mission, robots, authors):
-    robots("digger", HEEDS)
+def test_author_and_reason_are_sent_with_command(mission, robots, authors):
+    robots("digger", RESPONSES)
     assert mission("pause", "--reason", "smoke") == (0, "held\n")
     by, reason = authors.get(timeout=SILENCE_SEC)
     assert by.startswith("ros2 mission of ")
     assert reason == "smoke"
 
 
-def test_an_order_that_is_not_carried_out_fails_and_says_why(mission, robots):
-    robots("digger", HEEDS)
+def test_rejected_command_fails_with_reason(mission, robots):
+    robots("digger", RESPONSES)
     assert mission("skip") == (2, "ros2 mission skip: not executed: nothing is left\n")
 
 
-def test_an_order_that_a_mission_does_not_heed_is_told_beside_those_that_it_does(mission, robots):
-    given = robots("digger", HEEDS)
+def test_unknown_command_is_rejected_with_list_of_known_commands(mission, robots):
+    given = robots("digger", RESPONSES)
     said = "ros2 mission resume: /digger has no command 'resume' (known commands: abort, pause, skip_it)\n"
     assert mission("resume") == (2, said)
     assert given == []
 
 
-def test_of_several_missions_one_has_to_be_named(mission, robots):
-    given = robots("digger", HEEDS)
-    robots("flyer", HEEDS)
+def test_node_must_be_chosen_among_several_missions(mission, robots):
+    given = robots("digger", RESPONSES)
+    robots("flyer", RESPONSES)
     said = "ros2 mission pause: several missions are running (/digger, /flyer): choose one with --node\n"
     assert mission("pause") == (2, said)
     assert mission("pause", "--node", "flyer") == (0, "held\n")
     assert given == [("flyer", "pause")]
 
 
-def test_without_a_mission_nothing_is_ordered(mission):
+def test_command_fails_without_mission(mission):
     assert mission("abort") == (2, "ros2 mission abort: no mission was found\n")

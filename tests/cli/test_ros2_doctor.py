@@ -1,4 +1,4 @@
-"""What `ros2 doctor` checks and reports of this project."""
+"""Tests of the project's check and report in `ros2 doctor`."""
 
 import sys
 from importlib.metadata import entry_points, version
@@ -17,16 +17,16 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture
 def doctor(monkeypatch):
-    """What is found by its group and name, as `ros2 doctor` does: an object that checks, or reports."""
+    """Return a function that loads a check or a report by its group and name, as `ros2 doctor` does."""
     monkeypatch.syspath_prepend(str(STAND_INS))
     for name in MODULES:
         monkeypatch.delitem(sys.modules, name, raising=False)
 
-    def found(group, name):
+    def load_entry(group, name):
         (entry,) = entry_points(group=group, name=name)
         return entry.load()()
 
-    yield found
+    yield load_entry
     for name in MODULES:
         sys.modules.pop(name, None)
 
@@ -36,14 +36,14 @@ def check(doctor):
     return doctor("ros2doctor.checks", "MissionCheck")
 
 
-def test_where_all_is_installed_nothing_is_wrong(check, capsys, monkeypatch):
+def test_complete_installation_has_no_errors_or_warnings(check, capsys, monkeypatch):
     monkeypatch.setattr(kernel, "IS_COMPILED", True)
     result = check.check()
     assert (result.error, result.warning) == (0, 0)
     assert capsys.readouterr().err == ""
 
 
-def test_a_package_of_messages_that_is_missing_is_told_with_what_brings_it(check, capsys, monkeypatch):
+def test_missing_interface_package_is_reported_with_remedy(check, capsys, monkeypatch):
     import rclpy  # noqa: F401 - ROS is here
 
     def without(name, *rest):
@@ -60,7 +60,7 @@ def test_a_package_of_messages_that_is_missing_is_told_with_what_brings_it(check
     assert "make wheels" in said
 
 
-def test_a_mission_that_cannot_be_imported_is_told(check, capsys, monkeypatch):
+def test_mission_that_cannot_be_imported_is_reported(check, capsys, monkeypatch):
     def broken():
         raise MissionError("the mission 'patrol' cannot be imported")
 
@@ -69,7 +69,7 @@ def test_a_mission_that_cannot_be_imported_is_told(check, capsys, monkeypatch):
     assert "the mission 'patrol' cannot be imported" in capsys.readouterr().err
 
 
-def test_a_kernel_that_is_not_compiled_is_a_warning(check, capsys, monkeypatch):
+def test_uncompiled_kernel_is_warning(check, capsys, monkeypatch):
     monkeypatch.setattr(kernel, "IS_COMPILED", False)
     monkeypatch.setattr(kernel, "STATE", "absent")
     result = check.check()
@@ -77,7 +77,7 @@ def test_a_kernel_that_is_not_compiled_is_a_warning(check, capsys, monkeypatch):
     assert "trees are ticked by Python. This is several times slower" in capsys.readouterr().err
 
 
-def test_two_sources_of_what_is_meant_to_have_one_are_named(check, capsys, monkeypatch):
+def test_two_publishers_of_map_are_reported(check, capsys, monkeypatch):
     from nav_msgs.msg import OccupancyGrid
     from rclpy.context import Context
     from rclpy.node import Node
@@ -97,7 +97,7 @@ def test_two_sources_of_what_is_meant_to_have_one_are_named(check, capsys, monke
     )
 
 
-def test_the_report_has_versions_the_kernel_and_the_missions(doctor, check):
+def test_report_contains_version_kernel_and_missions(doctor, check):
     report = doctor("ros2doctor.report", "MissionReport")
     assert report.category() == check.category()
     told = dict(report.report().items)

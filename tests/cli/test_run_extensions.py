@@ -1,4 +1,4 @@
-"""Who goes along with a run of `sar-run` cannot end it."""
+"""Tests that a failing run extension does not end a run of `sar-run`."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -20,7 +20,7 @@ from sar_compiler.terminal import RunOutput
 
 
 class Stage:
-    """A run, what its extensions have done, and what was logged."""
+    """A run, the calls of its extensions, and its log messages."""
 
     def __init__(self) -> None:
         self.done: list[str] = []
@@ -40,17 +40,17 @@ class Stage:
         )
 
     def extend(self, stack: ExitStack, *makes: Callable[[RunSetup], RunExtension]) -> RunExtensions:
-        """Extend the run beside its journal."""
+        """Create the run's extensions, and one for the journal."""
         journal: Any = Noting(self, "journal", fails=False)
         return RunExtensions(self.run, journal, makes, stack)
 
     def make(self, name: str, *, fails: bool = False) -> "Noting":
-        """Return a extension that notes what it does under its name; it may fail."""
+        """Return an extension that records its calls under its name, and may fail."""
         return Noting(self, name, fails=fails)
 
 
 class Noting(RunExtension):
-    """Notes what it does, and may then fail."""
+    """Records each call, and may then fail."""
 
     def __init__(self, stage: Stage, name: str, *, fails: bool) -> None:
         self._stage, self._name, self._fails = stage, name, fails
@@ -75,7 +75,7 @@ def stage() -> Stage:
     return Stage()
 
 
-def test_one_whose_end_fails_keeps_no_other_from_its_end(stage: Stage) -> None:
+def test_extension_that_fails_at_end_does_not_prevent_end_of_others(stage: Stage) -> None:
     with ExitStack() as stack:
         makes = [lambda _, name=name: stage.make(name, fails=name != "b") for name in "abc"]
         stage.extend(stack, *makes).on_begin()
@@ -84,7 +84,7 @@ def test_one_whose_end_fails_keeps_no_other_from_its_end(stage: Stage) -> None:
     assert stage.said == ["Noting could not be closed: ValueError('ended')."] * 2
 
 
-def test_one_that_fails_while_it_listens_takes_nothing_from_the_others(stage: Stage) -> None:
+def test_extension_that_fails_at_event_does_not_affect_others(stage: Stage) -> None:
     with ExitStack() as stack:
         makes = [lambda _, name=name: stage.make(name, fails=name == "a") for name in "ab"]
         stage.extend(stack, *makes)
@@ -95,7 +95,7 @@ def test_one_that_fails_while_it_listens_takes_nothing_from_the_others(stage: St
     assert done[:3] == ["a zone_visited", "b zone_visited", "b base_reached"]
 
 
-def test_where_one_cannot_be_those_before_it_are_given_up(stage: Stage) -> None:
+def test_extensions_are_closed_if_later_one_cannot_be_created(stage: Stage) -> None:
     def refuse(_: RunSetup) -> RunExtension:
         message = "no"
         raise SarError(message)
@@ -105,7 +105,7 @@ def test_where_one_cannot_be_those_before_it_are_given_up(stage: Stage) -> None:
     assert stage.done == ["a given up", "journal given up"]
 
 
-def test_one_without_a_use_for_the_journal_does_not_make_it_wanted(stage: Stage) -> None:
+def test_extension_that_ignores_events_does_not_make_journal_wanted(stage: Stage) -> None:
     class Silent(RunExtension):
         pass
 
@@ -116,7 +116,7 @@ def test_one_without_a_use_for_the_journal_does_not_make_it_wanted(stage: Stage)
 
 @pytest.fixture
 def screen(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """A screen that cannot draw, of a run that has begun."""
+    """Return a screen that fails to draw, of a run that has started."""
     from sar_compiler.execution.run_view import RunScreen
 
     def fail(*_: object) -> Any:
@@ -131,7 +131,9 @@ def screen(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.ros
-def test_a_node_that_ends_in_each_tick_has_one_line(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_same_status_in_consecutive_ticks_is_logged_once(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from sar_compiler.execution.run_view import ChangeLog
 
     lines: list[str] = []
@@ -146,7 +148,7 @@ def test_a_node_that_ends_in_each_tick_has_one_line(stage: Stage, monkeypatch: p
 
 
 @pytest.mark.ros
-def test_a_view_that_fails_is_told_of_and_not_drawn_again(stage: Stage, screen: Any) -> None:
+def test_failed_view_is_reported_and_not_drawn_again(stage: Stage, screen: Any) -> None:
     screen.refresh()
     screen.refresh()
     stage.output.leave()
@@ -155,13 +157,13 @@ def test_a_view_that_fails_is_told_of_and_not_drawn_again(stage: Stage, screen: 
 
 
 @pytest.mark.ros
-def test_a_view_that_cannot_be_closed_is_told_of(stage: Stage, screen: Any) -> None:
+def test_view_that_cannot_be_closed_is_reported(stage: Stage, screen: Any) -> None:
     stage.output.leave()
     assert stage.said == ["The view has failed and was switched off: ValueError()."]
 
 
 @pytest.mark.ros
-def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
+def test_goals_are_canceled_before_view_is_closed_at_forced_end(
     stage: Stage, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from sar_compiler.commands import ROBOT_MAY_MOVE
@@ -183,7 +185,7 @@ def test_goals_are_cancelled_before_the_view_is_closed_when_a_run_ends_at_once(
 @pytest.mark.parametrize("wanted", [None, True, False])
 @pytest.mark.parametrize("world", [None, "disaster_zone"])
 @pytest.mark.parametrize("is_kept", [True, False])
-def test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for(
+def test_guardian_is_default_for_journaled_run_of_real_robot(
     monkeypatch: pytest.MonkeyPatch, wanted: bool | None, world: str | None, is_kept: bool
 ) -> None:
     made: list[Any] = []

@@ -1,4 +1,4 @@
-"""`sar-compile` as its users and their scripts see it."""
+"""Tests of `sar-compile`: exit statuses and output of its commands."""
 
 import json
 import shutil
@@ -25,11 +25,11 @@ def broken(tmp_path):
     return str(path)
 
 
-def test_a_valid_tree_has_status_0(capsys):
+def test_valid_tree_has_status_0(capsys):
     assert run(capsys, "validate", SHIPPED) == (0, f"{SHIPPED}: no findings\n", "")
 
 
-def test_findings_have_status_1_and_stand_on_standard_output(capsys, broken):
+def test_findings_have_status_1_and_go_to_standard_output(capsys, broken):
     status, out, _ = run(capsys, "validate", broken)
     assert status == 1
     assert out.startswith(
@@ -37,7 +37,7 @@ def test_findings_have_status_1_and_stand_on_standard_output(capsys, broken):
     )
 
 
-def test_every_file_is_checked_whatever_the_others_hold(capsys, broken, tmp_path):
+def test_every_file_is_checked_despite_errors_in_others(capsys, broken, tmp_path):
     other = shutil.copy(broken, tmp_path / "other.xml")
     status, out, _ = run(capsys, "validate", "--all", broken, SHIPPED, str(other))
     assert status == 1
@@ -45,7 +45,7 @@ def test_every_file_is_checked_whatever_the_others_hold(capsys, broken, tmp_path
     assert f"{SHIPPED}: no findings" in out
 
 
-def test_a_file_that_is_not_there_has_status_2_and_the_others_are_checked(capsys, broken):
+def test_missing_file_has_status_2_and_others_are_checked(capsys, broken):
     status, out, err = run(capsys, "validate", "nowhere.xml", broken)
     assert status == 2
     assert err.splitlines() == [
@@ -56,7 +56,7 @@ def test_a_file_that_is_not_there_has_status_2_and_the_others_are_checked(capsys
 
 
 @pytest.mark.parametrize("command", ["validate", "show"])
-def test_a_word_that_names_neither_a_file_nor_a_shipped_tree_lists_those_there_are(capsys, command):
+def test_unknown_tree_name_lists_shipped_trees(capsys, command):
     status, _, err = run(capsys, command, "search_and_rescu")
     assert status == 2
     assert err == (
@@ -65,13 +65,13 @@ def test_a_word_that_names_neither_a_file_nor_a_shipped_tree_lists_those_there_a
     )
 
 
-def test_of_several_files_the_others_are_checked_when_a_word_names_none(capsys):
+def test_other_files_are_checked_despite_unknown_tree_name(capsys):
     status, out, err = run(capsys, "validate", "nosuch", SHIPPED)
     assert (status, out) == (2, f"{SHIPPED}: no findings\n")
     assert "there is no tree file 'nosuch'" in err
 
 
-def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
+def test_json_has_all_fields_of_finding(capsys, broken):
     status, out, _ = run(capsys, "validate", "--format", "json", broken, SHIPPED)
     assert status == 1
     assert json.loads(out) == [
@@ -91,12 +91,12 @@ def test_json_has_the_fields_that_scripts_rely_on(capsys, broken):
     ]
 
 
-def test_json_of_a_valid_tree_is_an_empty_list(capsys):
+def test_json_of_valid_tree_is_empty_list(capsys):
     status, out, _ = run(capsys, "validate", "--format", "json", SHIPPED)
     assert (status, json.loads(out)) == (0, [])
 
 
-def test_malformed_xml_is_a_finding_in_json_too(capsys, tmp_path):
+def test_malformed_xml_is_finding_in_json(capsys, tmp_path):
     path = tmp_path / "cut.xml"
     path.write_text("<root>", encoding="utf-8")
     status, out, _ = run(capsys, "validate", "--format", "json", str(path))
@@ -119,19 +119,19 @@ def test_wrong_usage_has_status_2(capsys, arguments):
     ("arguments", "meant"),
     [(["valdate", SHIPPED], "validate"), (["validate", SHIPPED, "--format", "jsn"], "json")],
 )
-def test_a_misspelt_word_of_the_command_line_is_told_what_was_meant(capsys, arguments, meant):
+def test_misspelt_word_on_command_line_gets_suggestion(capsys, arguments, meant):
     with pytest.raises(SystemExit):
         main(arguments)
     assert capsys.readouterr().err.endswith(f"; did you mean '{meant}'?\n")
 
 
-def test_without_a_command_all_are_listed(capsys):
+def test_missing_command_lists_all_commands(capsys):
     with pytest.raises(SystemExit):
         main([])
     assert "Report all errors in tree files." in capsys.readouterr().err
 
 
-def test_show_draws_the_compiled_tree(capsys):
+def test_show_draws_compiled_tree(capsys):
     status, out, _ = run(capsys, "show", SHIPPED)
     assert status == 0
     assert out.splitlines()[:3] == [
@@ -141,7 +141,7 @@ def test_show_draws_the_compiled_tree(capsys):
     ]
 
 
-def test_show_prints_the_compiled_tree_as_json(capsys):
+def test_show_prints_compiled_tree_as_json(capsys):
     status, out, _ = run(capsys, "show", "--format", "json", SHIPPED)
     root = json.loads(out)
     assert status == 0
@@ -150,13 +150,13 @@ def test_show_prints_the_compiled_tree_as_json(capsys):
     assert "memory" not in root["children"][1]
 
 
-def test_show_of_an_invalid_tree_gives_its_findings_on_standard_error(capsys, broken):
+def test_show_of_invalid_tree_prints_findings_on_standard_error(capsys, broken):
     status, out, err = run(capsys, "show", broken)
     assert (status, out) == (1, "{o} Selector\n    --> Sey  ?\n")
     assert "unknown-node" in err
 
 
-def test_show_reports_what_validate_reports_below_the_drawing(capsys, tmp_path):
+def test_show_draws_tree_and_reports_findings_of_its_file(capsys, tmp_path):
     path = tmp_path / "format.xml"
     path.write_text(document("<Success/>").replace("BTCPP_format", "BTCPP_formt"), encoding="utf-8")
     status, out, err = run(capsys, "show", str(path))
@@ -164,7 +164,7 @@ def test_show_reports_what_validate_reports_below_the_drawing(capsys, tmp_path):
     assert "unknown-attribute" in err
 
 
-def test_show_of_a_tree_by_its_id_does_not_ask_for_a_main_tree(capsys, tmp_path):
+def test_show_with_tree_id_needs_no_main_tree(capsys, tmp_path):
     path = tmp_path / "two.xml"
     tree = '<BehaviorTree ID="{}"><{}/></BehaviorTree>'
     path.write_text(
@@ -173,32 +173,32 @@ def test_show_of_a_tree_by_its_id_does_not_ask_for_a_main_tree(capsys, tmp_path)
     assert run(capsys, "show", "--tree", "B", str(path))[:2] == (0, "--> Failure\n")
 
 
-def test_show_of_a_tree_that_is_not_in_the_file_is_wrong_usage(capsys):
+def test_show_with_unknown_tree_id_has_status_2(capsys):
     status, _, err = run(capsys, "show", "--tree", "Nope", SHIPPED)
     assert status == 2
     assert err == "sar-compile: there is no tree 'Nope' (known: SearchAndRescue)\n"
 
 
-def test_nodes_lists_what_can_be_written(capsys):
+def test_nodes_lists_available_nodes(capsys):
     status, out, _ = run(capsys, "nodes")
     assert status == 0
     assert any(line.startswith("NavigateToZone ") and " action " in line for line in out.splitlines())
 
 
-def test_nodes_describes_a_tag_with_its_attributes(capsys):
+def test_nodes_describes_attributes_of_node(capsys):
     _, out, _ = run(capsys, "nodes", "NotifyBase")
     assert "detect_node: the name of a DetectSurvivor in the same tree" in out
     assert "timeout_sec: a duration (seconds, or a number with ms, s or min). default: 5.0" in out
 
 
-def test_nodes_tells_ports_by_their_direction(capsys):
+def test_nodes_shows_direction_of_ports(capsys):
     _, out, _ = run(capsys, "nodes", "Hear", "--nodes", "tests.nodes.port_leaves")
     assert "  heard: output, takes a {key}; a string. required. What was heard.\n" in out
     assert "  anything: input and output; a value. required. Whatever it is.\n" in out
     assert "  volume: input; a number. optional. How loud.\n" in out
 
 
-def test_nodes_writes_defaults_as_a_tree_file_has_them(capsys):
+def test_nodes_prints_defaults_in_tree_file_syntax(capsys):
     _, out, _ = run(capsys, "nodes", "Hear", "--nodes", "tests.nodes.port_leaves")
     assert "numbers separated by ;. default: 0.5;1.0. " in out
     assert "default: 1.5. How long." in out
@@ -219,27 +219,27 @@ def test_nodes_writes_defaults_as_a_tree_file_has_them(capsys):
         ("EternalGuard", []),
     ],
 )
-def test_nodes_tells_when_a_node_is_skipped(capsys, tag, skipped):
+def test_nodes_shows_when_node_is_skipped(capsys, tag, skipped):
     _, out, _ = run(capsys, "nodes", tag)
     assert f"outcomes: {', '.join(['FAILURE, RUNNING, SUCCESS', *skipped])}\n" in out
     assert json.loads(run(capsys, "nodes", tag, "--format", "json")[1])[0]["skipped"] == skipped
 
 
-def test_nodes_shows_no_none_of_pythons(capsys):
+def test_nodes_does_not_print_python_none(capsys):
     _, out, _ = run(capsys, "nodes")
     tags = [line.split()[0] for line in out.splitlines()]
     assert [tag for tag in tags if "None" in run(capsys, "nodes", tag)[1]] == []
 
 
 @pytest.mark.parametrize("form", ["xsd", "json"])
-def test_the_schemas_tell_ports_by_their_direction(capsys, form):
+def test_schemas_contain_direction_of_ports(capsys, form):
     _, out, _ = run(capsys, "schema", "--format", form, "--nodes", "tests.nodes.port_leaves")
     assert "Output, takes a {key}. What was heard." in out
     assert "Input and output. Whatever it is." in out
     assert "Input. How loud." in out
 
 
-def test_nodes_as_json_has_the_direction_of_a_port(capsys):
+def test_nodes_json_has_direction_of_ports(capsys):
     _, out, _ = run(capsys, "nodes", "Hear", "--nodes", "tests.nodes.port_leaves", "--format", "json")
     directions = {each["name"]: each["direction"] for each in json.loads(out)[0]["attributes"]}
     assert directions == {
@@ -251,7 +251,7 @@ def test_nodes_as_json_has_the_direction_of_a_port(capsys):
     }
 
 
-def test_nodes_as_json_is_complete(capsys):
+def test_nodes_json_describes_attributes_completely(capsys):
     _, out, _ = run(capsys, "nodes", "Retry", "--format", "json")
     (retry,) = json.loads(out)
     assert retry["kind"] == "Decorator"
@@ -267,12 +267,12 @@ def test_nodes_as_json_is_complete(capsys):
     }
 
 
-def test_nodes_of_an_unknown_tag_suggests_the_nearest(capsys):
+def test_nodes_of_unknown_tag_suggests_similar_tag(capsys):
     status, _, err = run(capsys, "nodes", "Retyr")
     assert (status, err) == (2, "sar-compile: there is no node 'Retyr'; did you mean 'Retry'?\n")
 
 
-def test_leaves_of_a_user_are_known_to_every_command(capsys, tmp_path):
+def test_custom_leaves_are_known_to_commands(capsys, tmp_path):
     path = tmp_path / "say.xml"
     path.write_text(document('<Say message="hi"/>'), encoding="utf-8")
     leaves = ["--nodes", "tests.nodes.leaves"]
@@ -283,14 +283,14 @@ def test_leaves_of_a_user_are_known_to_every_command(capsys, tmp_path):
 
 
 @pytest.mark.parametrize("command", ["format", "diff", "explain", "completion"])
-def test_a_command_that_asks_for_no_nodes_has_no_option_for_them(capsys, command):
+def test_command_that_needs_no_nodes_has_no_nodes_option(capsys, command):
     with pytest.raises(SystemExit) as ended:
         main([command, "--help"])
     assert ended.value.code == 0
     assert "--nodes" not in capsys.readouterr().out
 
 
-def test_a_module_that_cannot_be_loaded_has_status_2(capsys):
+def test_module_that_cannot_be_imported_has_status_2(capsys):
     status, _, err = run(capsys, "validate", "--nodes", "no.such.module", SHIPPED)
     assert status == 2
     assert err.startswith("sar-compile: the module of leaves 'no.such.module' (--nodes) cannot be imported")
@@ -307,25 +307,25 @@ def test_a_module_that_cannot_be_loaded_has_status_2(capsys):
         ("../leaves.py", "a module that is installed or in the current folder: --nodes PKG.MOD"),
     ],
 )
-def test_a_file_in_the_place_of_a_module_is_told_how_to_be_written(capsys, written, words):
+def test_file_given_as_module_is_reported_with_import_path(capsys, written, words):
     status, _, err = run(capsys, "nodes", "--nodes", written)
     assert status == 2
     assert err.startswith(f"sar-compile: '{written}' (--nodes) is a file; ")
     assert err.endswith(f"{words}\n")
 
 
-def test_a_module_without_leaves_is_refused(capsys):
+def test_module_without_nodes_is_rejected(capsys):
     status, _, err = run(capsys, "nodes", "--nodes", "json")
     assert (status, err) == (2, "sar-compile: the module 'json' (--nodes) registers no node\n")
 
 
-def test_a_package_without_leaves_points_at_its_module_that_has_some(capsys):
+def test_package_without_nodes_suggests_its_module_with_nodes(capsys):
     status, _, err = run(capsys, "nodes", "--nodes", "examples.decorators")
     assert status == 2
     assert err.endswith("registers no node; did you mean 'examples.decorators.leaves'?\n")
 
 
-def test_a_drawing_says_the_tag_of_a_leaf_or_a_decorator_that_is_called_otherwise(capsys, tmp_path):
+def test_drawing_shows_tag_of_leaf_or_decorator_with_different_name(capsys, tmp_path):
     path = tmp_path / "named.xml"
     path.write_text(
         '<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence name="All">'
@@ -346,7 +346,7 @@ def test_a_drawing_says_the_tag_of_a_leaf_or_a_decorator_that_is_called_otherwis
     ]
 
 
-def test_a_drawing_with_a_name_of_several_lines_is_left_as_it_is():
+def test_tags_are_not_added_if_name_has_several_lines():
     tree = compile_for_test("search_and_rescue")
     tree.root.name = "two\nlines"
     assert add_tags(unicode_tree(tree.root), tree) == unicode_tree(tree.root)
@@ -356,14 +356,14 @@ def test_a_drawing_with_a_name_of_several_lines_is_left_as_it_is():
     ("form", "begins"),
     [("svg", "<svg xmlns="), ("mermaid", "flowchart TD\n"), ("dot", 'digraph "SearchAndRescue" {')],
 )
-def test_a_picture_is_printed_as_it_is(capsys, form, begins):
+def test_picture_is_printed(capsys, form, begins):
     status, out, err = run(capsys, "show", "search_and_rescue", "--format", form)
     assert (status, err) == (0, "")
     assert out.startswith(begins)
     assert out.count("NavigateToBaseOneShot") >= 1
 
 
-def test_a_flowchart_that_github_does_not_draw_is_printed_and_told(capsys, tmp_path):
+def test_flowchart_too_large_for_github_is_printed_with_note(capsys, tmp_path):
     path = tmp_path / "large.xml"
     path.write_text(document("<Sequence>" + "<AlwaysSuccess/>" * 500 + "</Sequence>"))
     status, out, err = run(capsys, "show", str(path), "--format", "mermaid")
@@ -372,11 +372,11 @@ def test_a_flowchart_that_github_does_not_draw_is_printed_and_told(capsys, tmp_p
     assert err == "sar-compile: this flowchart is too large for GitHub and GitLab. Use --format svg\n"
 
 
-def test_schema_prints_the_committed_schema(capsys):
+def test_schema_prints_committed_schema(capsys):
     assert run(capsys, "schema")[1] == Path("schemas/sar_tree.xsd").read_text(encoding="utf-8")
 
 
-def test_the_installed_command_runs_and_bears_a_reader_that_leaves_early():
+def test_installed_command_tolerates_closed_pipe():
     command = Path(sys.executable).with_name("sar-compile")
     pipe = f"{command} schema | head -1"
     done = subprocess.run(["/bin/sh", "-c", pipe], capture_output=True, text=True, check=False)
@@ -384,19 +384,19 @@ def test_the_installed_command_runs_and_bears_a_reader_that_leaves_early():
 
 
 @pytest.mark.parametrize("form", ["unicode", "json", "svg"])
-def test_a_tree_is_shown_in_a_file_as_on_standard_output(capsys, tmp_path, form):
+def test_output_file_equals_standard_output(capsys, tmp_path, form):
     out = tmp_path / "out"
     assert run(capsys, "show", SHIPPED, "--format", form, "-o", out) == (0, "", "")
     assert run(capsys, "show", SHIPPED, "--format", form) == (0, out.read_text(encoding="utf-8"), "")
 
 
-def test_a_page_is_explained_on_a_terminal_without_the_marks_of_markdown():
+def test_plain_text_of_page_has_no_markdown_markup():
     page = '# `wrong-value`\n\n*error*\n\nAs [here](a.md#b) **it is**.\n\n```xml\n<A x="`"/>\n\n```\n'
     said = plain_text(page, lambda text, part: f"<{part} {text}>")
     assert said == '<place wrong-value>\n\nerror\n\nAs here it is.\n\n    <A x="`"/>\n\n'
 
 
-def test_subtrees_are_folded_in_pictures_alone(capsys):
+def test_subtrees_are_folded_only_in_pictures(capsys):
     assert main(["show", "search_and_rescue_guarded", "--format", "dot", "--fold"]) == 0
     picture = capsys.readouterr().out
     assert "ResilientSearchAndRescue" in picture

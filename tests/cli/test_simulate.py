@@ -1,4 +1,4 @@
-"""`sar-compile simulate` as its users and their scripts see it."""
+"""Tests of `sar-compile simulate`."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,7 @@ def run(capsys, *arguments):
 
 @pytest.fixture
 def scenario(tmp_path):
-    """Write a scenario's file."""
+    """Return a function that writes a scenario file."""
 
     def write(text, name="scenario.yaml"):
         path = tmp_path / name
@@ -39,19 +39,19 @@ def tree(tmp_path):
 
 
 @pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_a_shipped_scenario_holds(capsys, path):
+def test_shipped_scenario_holds(capsys, path):
     status, out, err = run(capsys, TREE, "--scenario", path)
     assert (status, err) == (0, "")
     assert out.endswith(" holds.\n\n")
 
 
-def test_a_folder_stands_for_all_scenarios_in_it(capsys):
+def test_folder_runs_all_its_scenarios(capsys):
     status, out, _ = run(capsys, TREE, "--scenario", SCENARIOS, "--coverage")
     assert status == 0
     assert "3 of 3 scenarios passed.\ncoverage: 13 of 13 nodes ticked, " in out
 
 
-def test_a_folder_without_scenarios_is_wrong_usage(capsys, tmp_path, tree):
+def test_folder_without_scenarios_has_status_2(capsys, tmp_path, tree):
     status, _, err = run(capsys, tree, "--scenario", tmp_path)
     assert (status, err) == (
         2,
@@ -59,7 +59,7 @@ def test_a_folder_without_scenarios_is_wrong_usage(capsys, tmp_path, tree):
     )
 
 
-def test_without_a_scenario_every_leaf_answers_what_is_usual(capsys, tree):
+def test_leaves_return_default_outcome_without_scenario(capsys, tree):
     status, out, _ = run(capsys, tree)
     assert status == 0
     assert "  NavigateToZone  arrived (SUCCESS)\n" in out
@@ -68,7 +68,7 @@ def test_without_a_scenario_every_leaf_answers_what_is_usual(capsys, tree):
     )
 
 
-def test_without_a_scenario_what_leaves_do_not_agree_on_is_wrong_usage(capsys, tmp_path):
+def test_conflicting_initial_facts_without_scenario_have_status_2(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text(document("<Sequence><X/><W/></Sequence>"), encoding="utf-8")
     status, out, err = run(capsys, path, "--nodes", "tests.analysis.verify.leaves")
@@ -78,7 +78,7 @@ def test_without_a_scenario_what_leaves_do_not_agree_on_is_wrong_usage(capsys, t
     )
 
 
-def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
+def test_aborted_tick_is_shown_as_not_finished(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     tree = '<Sequence><M distance="{d}"/><ScriptCondition code="d &gt; 1"/></Sequence>'
     path.write_text(document(tree), encoding="utf-8")
@@ -90,18 +90,18 @@ def test_a_tick_that_is_not_finished_has_come_to_nothing(capsys, tmp_path):
     assert "because 'M' only writes it on a robot" in out
 
 
-def test_a_run_that_somebody_ends_is_not_explained(capsys, tree):
+def test_end_of_run_is_not_explained_with_until_option(capsys, tree):
     _, out, _ = run(capsys, tree, "--until", "tick == 2")
     assert out.endswith("\nEvery leaf returned its default outcome.\n\n")
 
 
-def test_an_expectation_that_does_not_hold_has_status_1(capsys, tree, scenario):
+def test_unmet_expectation_has_status_1(capsys, tree, scenario):
     status, out, err = run(capsys, tree, "--scenario", scenario("expect: {root: FAILURE}"))
     assert (status, err) == (1, "")
     assert ":1: root: the status of the root is SUCCESS in the last tick, but FAILURE was expected\n" in out
 
 
-def test_a_mistake_in_a_scenario_has_status_1_and_the_others_are_played(capsys, tree, scenario):
+def test_error_in_scenario_has_status_1_and_others_are_run(capsys, tree, scenario):
     wrong, right = scenario("leaves: {NavigateToZoen: arrived}"), scenario("name: right", "right.yaml")
     status, out, err = run(capsys, tree, "--scenario", wrong, "--scenario", right)
     assert status == 1
@@ -110,7 +110,7 @@ def test_a_mistake_in_a_scenario_has_status_1_and_the_others_are_played(capsys, 
     assert out.endswith("1 of 2 scenarios passed.\n")
 
 
-def test_a_scenario_that_is_not_there_has_status_2(capsys, tree):
+def test_missing_scenario_has_status_2(capsys, tree):
     status, _, err = run(capsys, tree, "--scenario", "nowhere.yaml")
     assert (status, err) == (2, "sar-compile: cannot read nowhere.yaml: No such file or directory\n")
 
@@ -119,9 +119,7 @@ def test_a_scenario_that_is_not_there_has_status_2(capsys, tree):
     ("text", "expected", "said"),
     [(None, 2, "cannot read"), ("<root", 1, "malformed-xml"), ("<root/>", 1, "no-tree")],
 )
-def test_a_tree_that_cannot_be_played_has_status_1_and_one_that_cannot_be_read_2(
-    capsys, tmp_path, text, expected, said
-):
+def test_invalid_tree_has_status_1_and_missing_tree_status_2(capsys, tmp_path, text, expected, said):
     path = tmp_path / "tree.xml"
     if text is not None:
         path.write_text(text, encoding="utf-8")
@@ -138,7 +136,7 @@ def test_a_tree_that_cannot_be_played_has_status_1_and_one_that_cannot_be_read_2
         (("--until", "root === 1"), "did you mean '=='?"),
     ],
 )
-def test_an_option_that_cannot_be_meant_is_refused(capsys, tree, option, said):
+def test_invalid_option_value_is_rejected(capsys, tree, option, said):
     with pytest.raises(SystemExit) as end:
         run(capsys, tree, *option)
     assert end.value.code == 2
@@ -155,26 +153,26 @@ def test_an_option_that_cannot_be_meant_is_refused(capsys, tree, option, said):
         ),
     ],
 )
-def test_a_run_does_not_begin_whose_end_asks_for_what_is_not_there(capsys, until, said):
+def test_run_does_not_start_with_invalid_until_condition(capsys, until, said):
     status, out, err = run(capsys, TREE, "--until", until)
     assert (status, out) == (2, "")
     assert said in err
 
 
-def test_the_number_of_ticks_that_is_asked_for_is_no_failure(capsys, tree, scenario):
+def test_requested_number_of_ticks_is_no_failure(capsys, tree, scenario):
     path = scenario("leaves: {NavigateToZone: RUNNING}")
     status, out, _ = run(capsys, tree, "--scenario", path, "--ticks", 3)
     assert status == 0
     assert "aborted without an end after tick 3 (1 s): root RUNNING" in out
 
 
-def test_the_end_can_be_asked_for(capsys):
+def test_until_condition_ends_run(capsys):
     status, out, _ = run(capsys, TREE, "--until", "zones_left == 0 && at == 'base'")
     assert status == 0
     assert "ended after tick 4 (1.5 s): root SUCCESS" in out
 
 
-def test_a_tree_of_several_is_named_by_the_option_or_by_the_scenario(capsys, tmp_path, scenario):
+def test_tree_is_chosen_by_option_or_scenario(capsys, tmp_path, scenario):
     path = tmp_path / "two.xml"
     trees = '<BehaviorTree ID="A"><Success/></BehaviorTree><BehaviorTree ID="B"><Failure/></BehaviorTree>'
     path.write_text(f'<root BTCPP_format="4" main_tree_to_execute="A">{trees}</root>', encoding="utf-8")
@@ -185,7 +183,7 @@ def test_a_tree_of_several_is_named_by_the_option_or_by_the_scenario(capsys, tmp
 
 @pytest.fixture
 def described(tmp_path):
-    """Return a tree of nodes that only a palette describes, and the palette."""
+    """Return the arguments for a tree of nodes that only a palette describes."""
     nodes = '<Action ID="Grab"/><Decorator ID="Twice"/><Control ID="RecoveryNode"/>'
     palette = tmp_path / "palette.xml"
     palette.write_text(
@@ -197,7 +195,7 @@ def described(tmp_path):
     return path, "--model", palette
 
 
-def test_what_stands_for_nodes_that_are_only_described_is_played(capsys, described, scenario):
+def test_replacements_for_described_nodes_are_simulated(capsys, described, scenario):
     script = scenario(
         "controls: {RecoveryNode: Fallback, Twice: Inverter}\n"
         "leaves: {Grab: [RUNNING, FAILURE]}\nexpect: {root: SUCCESS, within: 2 ticks}"
@@ -207,7 +205,7 @@ def test_what_stands_for_nodes_that_are_only_described_is_played(capsys, describ
     assert "  Grab  FAILURE\n" in out
 
 
-def test_what_stands_for_a_node_counts_in_the_tree_that_the_scenario_names(capsys, described, scenario):
+def test_replacement_applies_to_tree_named_by_scenario(capsys, described, scenario):
     path, *options = described
     text = path.read_text(encoding="utf-8")
     other = '<BehaviorTree ID="Other"><Twice><Success/></Twice></BehaviorTree></root>'
@@ -218,7 +216,7 @@ def test_what_stands_for_a_node_counts_in_the_tree_that_the_scenario_names(capsy
     assert "Grab" not in out
 
 
-def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, described, scenario):
+def test_described_nodes_without_replacement_have_status_1(capsys, described, scenario):
     status, out, err = run(capsys, *described)
     assert status == 1
     assert "root" not in out
@@ -238,7 +236,7 @@ def test_nodes_that_are_only_described_are_not_played_and_have_status_1(capsys, 
     assert "1 of 2 scenarios passed." in out
 
 
-def test_a_decorator_of_ones_own_that_answers_with_no_status_is_told_as_in_a_real_run(capsys, tmp_path):
+def test_custom_decorator_that_returns_no_status_is_reported(capsys, tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text(document("<OwnForgetful><AdvanceZone/></OwnForgetful>"), encoding="utf-8")
     status, out, err = run(capsys, path, "--nodes", "tests.analysis.verify.own_controls")
@@ -247,14 +245,14 @@ def test_a_decorator_of_ones_own_that_answers_with_no_status_is_told_as_in_a_rea
     assert f"an error occurred in tick 1: {said}" in out
 
 
-def test_json_is_for_scripts(capsys):
+def test_json_output_has_scenarios_and_coverage(capsys):
     status, out, _ = run(capsys, TREE, "--scenario", SCENARIOS, "--format", "json", "--coverage")
     data = json.loads(out)
     assert (status, data["file"], len(data["scenarios"])) == (0, TREE, 3)
     assert data["coverage"]["never_ticked"] == []
 
 
-def test_junit_is_for_continuous_integration(capsys, tree, scenario):
+def test_junit_output_has_failures_and_errors(capsys, tree, scenario):
     paths = [scenario("expect: {root: FAILURE}", "bad.yaml"), scenario("leaf: x", "worse.yaml")]
     arguments = [word for path in paths for word in ("--scenario", path)]
     status, out, _ = run(capsys, tree, *arguments, "--format", "junit")
@@ -262,7 +260,7 @@ def test_junit_is_for_continuous_integration(capsys, tree, scenario):
     assert [case[0].tag for case in ET.fromstring(out)[0]] == ["failure", "error"]  # noqa: S314 - it is ours
 
 
-def test_a_trace_is_held_against_the_file_that_the_scenario_names(capsys, tree, scenario, monkeypatch):
+def test_trace_is_compared_with_golden_file(capsys, tree, scenario, monkeypatch):
     path = scenario("expect: {trace: golden/trace.txt}")
     monkeypatch.delenv(RENEW, raising=False)
     status, out, _ = run(capsys, tree, "--scenario", path)
@@ -283,7 +281,7 @@ def test_a_trace_is_held_against_the_file_that_the_scenario_names(capsys, tree, 
 
 @pytest.mark.parametrize("renew", ["", "1"])
 @pytest.mark.parametrize("path", ["../{}.txt", "/etc/hostname", "link.txt", '"a\\0b"'])
-def test_a_trace_outside_the_repository_is_neither_shown_nor_written(
+def test_trace_outside_repository_is_neither_shown_nor_written(
     capsys, tree, scenario, monkeypatch, path, renew
 ):
     secret = tree.parent.parent / f"{tree.parent.name}.txt"
@@ -299,7 +297,7 @@ def test_a_trace_outside_the_repository_is_neither_shown_nor_written(
     assert secret.read_text("utf-8") == "secret"
 
 
-def test_a_trace_may_lie_anywhere_in_the_repository(capsys, tree, scenario, monkeypatch):
+def test_trace_may_be_anywhere_in_repository(capsys, tree, scenario, monkeypatch):
     (tree.parent / ".git").mkdir()
     (tree.parent / "scenarios").mkdir()
     path = scenario("expect: {trace: ../golden/trace.txt}", "scenarios/s.yaml")
@@ -308,7 +306,7 @@ def test_a_trace_may_lie_anywhere_in_the_repository(capsys, tree, scenario, monk
     assert "NavigateToZone" in (tree.parent / "golden/trace.txt").read_text("utf-8")
 
 
-def test_a_trace_that_is_no_text_differs(capsys, tree, scenario, monkeypatch):
+def test_golden_file_that_is_no_text_differs(capsys, tree, scenario, monkeypatch):
     monkeypatch.delenv(RENEW, raising=False)
     (tree.parent / "trace.txt").write_bytes(b"\xff\n")
     status, out, _ = run(capsys, tree, "--scenario", scenario("expect: {trace: trace.txt}"))
@@ -316,7 +314,7 @@ def test_a_trace_that_is_no_text_differs(capsys, tree, scenario, monkeypatch):
     assert "-\N{REPLACEMENT CHARACTER}\n" in out
 
 
-def test_a_trace_that_cannot_be_written_is_named(capsys, tree, scenario, monkeypatch):
+def test_trace_that_cannot_be_written_is_reported(capsys, tree, scenario, monkeypatch):
     (tree.parent / "golden").mkdir()
     monkeypatch.setenv(RENEW, "1")
     status, _, err = run(capsys, tree, "--scenario", scenario("expect: {trace: golden}"))
@@ -324,7 +322,7 @@ def test_a_trace_that_cannot_be_written_is_named(capsys, tree, scenario, monkeyp
     assert f"cannot write {tree.parent / 'golden'}: Is a directory" in err
 
 
-def test_what_a_leaf_answers_is_shown_with_its_facts(capsys):
+def test_nodes_shows_outcomes_and_facts_of_leaf(capsys):
     assert main(["nodes", "NavigateToZone"]) == 0
     out = capsys.readouterr().out
     assert (
@@ -334,7 +332,7 @@ def test_what_a_leaf_answers_is_shown_with_its_facts(capsys):
     assert "facts:    zones_left = 3, at = '', navigation_lost = false\n" in out
 
 
-def test_what_a_leaf_answers_is_there_for_scripts(capsys):
+def test_nodes_json_has_outcomes_and_facts_of_leaf(capsys):
     assert main(["nodes", "AdvanceZone", "--format", "json"]) == 0
     (leaf,) = json.loads(capsys.readouterr().out)
     assert leaf["outcomes"][0] == {
@@ -365,20 +363,18 @@ def patient(tmp_path, scenario):
     return [path, "--params", scenario(PARAMS, "params.yaml")]
 
 
-def test_a_parameter_file_says_how_the_mission_starts_how_often_it_ticks_and_what_a_tree_takes_from_it(
-    capsys, patient, scenario
-):
+def test_parameter_file_sets_initial_facts_tick_rate_and_tree_parameters(capsys, patient, scenario):
     waiting = scenario("leaves: {NavigateToZone: RUNNING}\nexpect: {root: FAILURE}")
     status, out, err = run(capsys, *patient, "--scenario", waiting)
     assert (status, err) == (0, "")
     assert "ended after tick 4 (0.75 s): root FAILURE\nfacts at the end: zones_left = 2, at = ''" in out
 
 
-def test_a_parameter_file_counts_without_a_scenario(capsys, patient):
+def test_parameter_file_applies_without_scenario(capsys, patient):
     assert "facts at the end: zones_left = 2" in run(capsys, *patient)[1]
 
 
-def test_a_scenario_counts_before_the_parameter_file(capsys, patient, scenario):
+def test_scenario_overrides_parameter_file(capsys, patient, scenario):
     own = "facts: {zones_left: 7}\nparameters: {patience: 2.0}\nperiod: 1s\nleaves: {NavigateToZone: RUNNING}"
     out = run(capsys, *patient, "--scenario", scenario(own))[1]
     assert "ended after tick 3 (2 s): root FAILURE\nfacts at the end: zones_left = 7" in out
@@ -395,7 +391,7 @@ def test_a_scenario_counts_before_the_parameter_file(capsys, patient, scenario):
         (None, "No such file or directory"),
     ],
 )
-def test_a_wrong_parameter_file_has_status_2_and_its_mistakes(capsys, patient, scenario, text, said):
+def test_wrong_parameter_file_has_status_2_and_reports_errors(capsys, patient, scenario, text, said):
     path = scenario(text or "", "params.yaml")
     if text is None:
         path.unlink()
@@ -404,14 +400,14 @@ def test_a_wrong_parameter_file_has_status_2_and_its_mistakes(capsys, patient, s
     assert said.format(path=path) in err
 
 
-def test_a_parameter_of_another_type_than_the_tree_takes_has_status_1(capsys, patient, scenario):
+def test_parameter_of_wrong_type_has_status_1(capsys, patient, scenario):
     scenario(PARAMS.replace("0.6", "long"), "params.yaml")
     status, out, err = run(capsys, *patient)
     assert (status, out) == (1, "")
     assert "error[wrong-value]: duration" in err
 
 
-def test_a_parameter_that_is_nearly_what_a_run_takes_is_told_where_it_stands(capsys, patient, scenario):
+def test_misspelt_parameter_is_reported_with_location(capsys, patient, scenario):
     path = scenario(PARAMS.replace("tick_rate_hz", "tick_rate"), "params.yaml")
     assert run(capsys, *patient)[2] == (
         f"note: {path}:3:41: parameter 'tick_rate' is not used: did you mean 'tick_rate_hz'?\n"

@@ -1,4 +1,4 @@
-"""`sar-compile sweep` as its users and their scripts see it."""
+"""Tests of `sar-compile sweep`."""
 
 import json
 import os
@@ -37,7 +37,7 @@ def run(capsys, *arguments):
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """Work in an empty folder, with a scenario in it."""
+    """Work in a folder with a scenario and a tree."""
     monkeypatch.chdir(tmp_path)
     Path("day.yaml").write_text(SCENARIO, encoding="utf-8")
     Path("tree.xml").write_text(document('<NavigateToZone name="Go"/>'), encoding="utf-8")
@@ -48,7 +48,7 @@ def table(text):
     return [line.split() for line in text.split("\n\n")[0].splitlines()]
 
 
-def test_the_table_has_a_row_for_each_combination(capsys):
+def test_table_has_row_for_each_combination(capsys):
     status, out, _ = run(
         capsys, *MISSION, "--scenario", "day.yaml", "--unusual", "0,0.2", "--runs", 25, "--jobs", 1
     )
@@ -63,7 +63,7 @@ def test_the_table_has_a_row_for_each_combination(capsys):
     assert out.startswith("unusual  zones_left  runs  success  95 % interval  time (median)")
 
 
-def test_one_process_and_several_give_the_same(capsys):
+def test_result_does_not_depend_on_number_of_processes(capsys):
     wanted = [*MISSION, "--scenario", "day.yaml", "--runs", 50, "--half-width", 0.12]
     one = run(capsys, *wanted, "--jobs", 1)
     assert run(capsys, *wanted, "--jobs", 2) == one
@@ -76,7 +76,7 @@ def two_workers(process):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks for the workers in /proc")
-def test_workers_that_are_killed_change_nothing_in_the_table(capsys):
+def test_killed_workers_do_not_change_table(capsys):
     wanted = [*map(str, MISSION), "--scenario", "day.yaml", "--runs", "100", "--half-width", "0"]
     command = [sys.executable, "-m", "sar_compiler.cli.compile", "sweep", *wanted, "--jobs", "2"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -85,7 +85,7 @@ def test_workers_that_are_killed_change_nothing_in_the_table(capsys):
         with news:
             workers = news.wait_until(lambda: two_workers(process), lambda: "the two workers do not start")
         os.kill(workers[0], signal.SIGKILL)
-        # The sweep ends the second one itself as soon as it misses the first.
+        # The sweep itself ends the second worker as soon as it notices that the first has ended.
         with suppress(ProcessLookupError):
             os.kill(workers[1], signal.SIGKILL)
         out, err = process.communicate()
@@ -94,7 +94,7 @@ def test_workers_that_are_killed_change_nothing_in_the_table(capsys):
     assert (process.returncode, out, without_progress(err)) == run(capsys, *wanted, "--jobs", 1)
 
 
-def test_the_smallest_failure_is_written_as_a_scenario_that_fails(capsys):
+def test_smallest_failure_is_written_as_failing_scenario(capsys):
     options = ("--scenario", "day.yaml", "--runs", 50, "--jobs", 1)
     status, out, _ = run(capsys, "search_and_rescue", *options, "-o", "small.yaml")
     assert status == 1
@@ -104,14 +104,14 @@ def test_the_smallest_failure_is_written_as_a_scenario_that_fails(capsys):
     assert "does not hold" in capsys.readouterr().out
 
 
-def test_a_failure_is_written_only_where_somebody_says_to_which_file(capsys):
+def test_failure_is_written_only_with_output_option(capsys):
     before = {*Path().iterdir()}
     _, out, _ = run(capsys, "search_and_rescue", "--scenario", "day.yaml", "--runs", 50, "--jobs", 1)
     assert out.endswith("\n  -o FILE writes the smallest scenario that fails\n")
     assert {*Path().iterdir()} == before
 
 
-def test_the_same_as_json(capsys):
+def test_json_output_has_rows_and_smallest_failure(capsys):
     options = ("--scenario", "day.yaml", "--runs", 50, "--jobs", 1, "--format", "json", "-o", "small.yaml")
     status, out, _ = run(capsys, *MISSION, *options)
     result = json.loads(out)
@@ -127,12 +127,12 @@ def test_the_same_as_json(capsys):
 @pytest.mark.parametrize(
     ("unusual", "least", "status"), [("0.5", [], 1), ("0.5", [0.3], 0), ("0.5", [0.6], 1)]
 )
-def test_the_status_says_whether_the_rate_is_high_enough(capsys, unusual, least, status):
+def test_status_depends_on_required_success_rate(capsys, unusual, least, status):
     wanted = [f"--at-least={rate}" for rate in least]
     assert run(capsys, "tree.xml", "--unusual", unusual, "--runs", 100, "--jobs", 1, *wanted)[0] == status
 
 
-def test_a_tree_that_never_fails_has_status_0_and_nothing_is_written(capsys, folder):
+def test_tree_that_never_fails_has_status_0_and_writes_no_file(capsys, folder):
     Path("tree.xml").write_text(document("<ForceSuccess><NavigateToZone/></ForceSuccess>"), encoding="utf-8")
     status, out, err = run(capsys, "tree.xml", "--unusual", "0.5", "--jobs", 1)
     assert (status, err) == (0, "")
@@ -140,7 +140,7 @@ def test_a_tree_that_never_fails_has_status_0_and_nothing_is_written(capsys, fol
     assert {path.name for path in folder.iterdir()} == {"day.yaml", "tree.xml"}
 
 
-def test_a_parameter_is_varied(capsys):
+def test_parameter_is_varied(capsys):
     tree = '<Retry num_failures="{@tries}"><NavigateToZone/></Retry>'
     Path("tree.xml").write_text(document(tree), encoding="utf-8")
     _, out, _ = run(capsys, "tree.xml", "--unusual", 0.5, "--vary", "tries=1,4", "--runs", 200, "--jobs", 1)
@@ -149,7 +149,7 @@ def test_a_parameter_is_varied(capsys):
     assert 85.0 < rates[1] < 99.0
 
 
-def test_runs_that_would_all_be_the_same_are_refused(capsys):
+def test_identical_runs_are_rejected(capsys):
     status, out, err = run(capsys, "tree.xml", "--jobs", 1)
     assert (status, out) == (2, "")
     assert "all runs would be the same" in err
@@ -169,7 +169,7 @@ def test_runs_that_would_all_be_the_same_are_refused(capsys):
         ),
     ],
 )
-def test_what_cannot_be_played_is_said(capsys, arguments, words):
+def test_impossible_sweep_has_status_2_and_reason(capsys, arguments, words):
     status, out, err = run(capsys, "tree.xml", "--unusual", 0.1, *arguments)
     assert (status, out) == (2, "")
     assert words in err
@@ -186,14 +186,14 @@ def test_what_cannot_be_played_is_said(capsys, arguments, words):
         (["--jobs", "100000"], f"'100000' is not a number of processes from 1 to {MAX_JOBS}"),
     ],
 )
-def test_wrong_usage_is_refused(capsys, arguments, words):
+def test_invalid_option_value_is_rejected(capsys, arguments, words):
     with pytest.raises(SystemExit) as end:
         run(capsys, "tree.xml", *arguments)
     assert end.value.code == 2
     assert words in capsys.readouterr().err
 
 
-def test_simulate_plays_a_scenario_by_its_seed(capsys):
+def test_seed_determines_simulated_run_of_scenario(capsys):
     def played(seed):
         main(["simulate", "search_and_rescue", "--scenario", "day.yaml", "--seed", str(seed)])
         return capsys.readouterr().out

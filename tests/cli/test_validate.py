@@ -1,4 +1,4 @@
-"""What `validate` prints for tools, and what a project's configuration changes in it."""
+"""Tests of the formats of `validate` for tools, and of the effect of a project's configuration."""
 
 import json
 from pathlib import Path
@@ -12,7 +12,7 @@ from tests.cli import running
 from tests.trees import document
 
 NEEDLESS = document("<Sequence><ZonesRemaining/></Sequence>")
-# What the standard demands of what is used of it (SARIF 2.1.0, section 3); columns and lines are from 1.
+# The standard's requirements for the properties in use (SARIF 2.1.0, section 3); columns and lines start at 1.
 _REGION = {
     "type": "object",
     "properties": {
@@ -120,7 +120,7 @@ def run(capsys, *arguments):
     return running.run(capsys, "validate", *arguments)
 
 
-def test_sarif_has_what_the_standard_demands(folder, capsys):
+def test_sarif_conforms_to_standard(folder, capsys):
     (folder / "a tree.xml").write_text(document('<!-- 😀 --><Sequnce a="😀"/>'), encoding="utf-8")
     status, out, _ = run(capsys, "--format", "sarif", "a tree.xml")
     log = json.loads(out)
@@ -133,7 +133,7 @@ def test_sarif_has_what_the_standard_demands(folder, capsys):
     assert "did you mean 'Sequence'?" in result["message"]["text"]
 
 
-def test_sarif_counts_columns_in_units_of_utf_16(folder, capsys):
+def test_sarif_counts_columns_in_utf_16_units(folder, capsys):
     (folder / "a tree.xml").write_text(document("<!-- 😀 --><Sequnce/>"), encoding="utf-8")
     _, out, _ = run(capsys, "--format", "sarif", "a tree.xml")
     location = json.loads(out)["runs"][0]["results"][0]["locations"][0]["physicalLocation"]
@@ -141,13 +141,13 @@ def test_sarif_counts_columns_in_units_of_utf_16(folder, capsys):
     assert location["region"] == {"startLine": 3, "startColumn": 12, "endLine": 3, "endColumn": 20}
 
 
-def test_sarif_of_a_correct_tree_has_no_results(folder, capsys):
+def test_sarif_of_correct_tree_has_no_results(folder, capsys):
     (folder / "tree.xml").write_text(document("<NavigateToBase/>"), encoding="utf-8")
     status, out, _ = run(capsys, "--format", "sarif", str(folder / "tree.xml"))
     assert (status, json.loads(out)["runs"][0]["results"]) == (0, [])
 
 
-def test_github_gets_an_annotation_for_each_finding(folder, capsys):
+def test_github_format_has_annotation_for_each_finding(folder, capsys):
     (folder / "a,b.xml").write_text(
         document('<Sequence memory="50%&#10;"><Sequnce/></Sequence>'), encoding="utf-8"
     )
@@ -163,19 +163,19 @@ def test_github_gets_an_annotation_for_each_finding(folder, capsys):
     )
 
 
-def test_infos_are_notices_for_github(folder, capsys):
+def test_github_format_prints_infos_as_notices(folder, capsys):
     (folder / "tree.xml").write_text(NEEDLESS, encoding="utf-8")
     status, out, _ = run(capsys, "--format", "github", "tree.xml")
     assert (status, out.split()[0]) == (0, "::notice")
 
 
-def test_a_finding_that_a_project_turns_off_is_not_reported(folder, capsys):
+def test_finding_turned_off_by_project_is_not_reported(folder, capsys):
     (folder / "tree.xml").write_text(NEEDLESS, encoding="utf-8")
     (folder / "sar.toml").write_text('[findings]\nneedless-node = "off"\n', encoding="utf-8")
     assert run(capsys, "tree.xml") == (0, "tree.xml: no findings\n", "")
 
 
-def test_a_finding_that_a_project_makes_an_error_counts_as_one(folder, capsys):
+def test_finding_raised_to_error_by_project_has_status_1(folder, capsys):
     (folder / "tree.xml").write_text(NEEDLESS, encoding="utf-8")
     (folder / "sar.toml").write_text('[findings]\nneedless-node = "error"\n', encoding="utf-8")
     status, out, _ = run(capsys, "tree.xml")
@@ -183,7 +183,7 @@ def test_a_finding_that_a_project_makes_an_error_counts_as_one(folder, capsys):
     assert "error[needless-node]" in out
 
 
-def test_a_mistake_in_the_configuration_is_said_once_and_no_tree_is_looked_at(folder, capsys):
+def test_configuration_error_is_reported_once_and_no_tree_is_checked(folder, capsys):
     (folder / "tree.xml").write_text("<root", encoding="utf-8")
     (folder / "sar.toml").write_text("[finding]\n", encoding="utf-8")
     status, out, _ = run(capsys, "tree.xml", "tree.xml")
@@ -196,14 +196,14 @@ PALETTE = '<root><TreeNodesModel><Action ID="OpenDoor"/></TreeNodesModel></root>
 
 
 @pytest.mark.parametrize("command", ["validate", "show", "simulate"])
-def test_the_palettes_of_a_project_serve_every_command(folder, capsys, command):
+def test_palettes_of_project_apply_to_every_command(folder, capsys, command):
     (folder / "tree.xml").write_text(document("<OpenDoor/>"), encoding="utf-8")
     (folder / "nodes.xml").write_text(PALETTE, encoding="utf-8")
     (folder / "sar.toml").write_text('models = ["nodes.xml"]\n', encoding="utf-8")
     assert main([command, "tree.xml"]) == 0
 
 
-def test_each_file_is_looked_at_with_its_own_projects_palettes(folder, capsys):
+def test_each_file_is_checked_with_palettes_of_its_project(folder, capsys):
     (folder / ".git").mkdir()
     for name in ("one", "two"):
         (folder / name).mkdir()
@@ -216,7 +216,7 @@ def test_each_file_is_looked_at_with_its_own_projects_palettes(folder, capsys):
     assert out.splitlines()[-1] == "one/tree.xml: no findings"
 
 
-def test_the_include_path_of_a_project_is_allowed(folder, capsys):
+def test_include_path_of_project_is_allowed(folder, capsys):
     for name in (".git", "shared", "trees"):
         (folder / name).mkdir()
     (folder / "shared" / "b.xml").write_text(document("<NavigateToBase/>", main="B"), encoding="utf-8")
@@ -228,14 +228,14 @@ def test_the_include_path_of_a_project_is_allowed(folder, capsys):
     assert run(capsys, "trees/a.xml") == (0, "trees/a.xml: no findings\n", "")
 
 
-def test_in_json_what_was_fixed_is_said_on_standard_error(folder, capsys):
+def test_fixes_are_reported_on_standard_error_with_json_format(folder, capsys):
     (folder / "tree.xml").write_text(document('<NavigateToZone oneshott="ON_COMPLETION"/>'), encoding="utf-8")
     status, out, error = run(capsys, "--fix", "--format", "json", "tree.xml")
     assert (status, json.loads(out)) == (0, [])
     assert error == "tree.xml:3:17: fixed[unknown-attribute]: oneshott -> oneshot\n"
 
 
-def test_the_hooks_of_pre_commit_call_commands_that_there_are():
+def test_pre_commit_hooks_call_validate_and_format():
     hooks = {hook["id"]: hook for hook in yaml.safe_load(Path(".pre-commit-hooks.yaml").read_text("utf-8"))}
     assert {name: hook["entry"] for name, hook in hooks.items()} == {
         "sar-validate": "sar-compile validate",

@@ -1,4 +1,4 @@
-"""`validate` on several files, folders and standard input, and how it shows what it finds."""
+"""Tests of `validate` on several files, folders and standard input, and of its text output."""
 
 import json
 import os
@@ -38,7 +38,7 @@ def run(capsys, *arguments):
     return running.run(capsys, "validate", *arguments)
 
 
-def test_the_files_of_a_folder_are_checked_and_counted_and_correct_ones_are_not_named(capsys):
+def test_files_of_folder_are_counted_and_correct_files_are_not_named(capsys):
     write("ws/a.xml", CORRECT)
     write("ws/deep/b.xml", WRONG)
     write("ws/package.xml", "<package/>")
@@ -48,7 +48,7 @@ def test_the_files_of_a_folder_are_checked_and_counted_and_correct_ones_are_not_
     assert "no findings" not in out
 
 
-def test_files_of_a_folder_may_include_each_other(capsys):
+def test_files_of_folder_may_include_each_other(capsys):
     write("ws/home.xml", document("<NavigateToBase/>", "Home"))
     text = document('<SubTree ID="Home"/>').replace("<Beh", '<include path="../home.xml"/><Beh')
     write("ws/deep/main.xml", text.replace("<root", '<root main_tree_to_execute="Main"'))
@@ -57,30 +57,30 @@ def test_files_of_a_folder_may_include_each_other(capsys):
     assert "error[include-outside]" in run(capsys, "--isolated", "ws/deep")[1]
 
 
-def test_a_folder_without_findings_is_counted(capsys):
+def test_files_of_folder_without_findings_are_counted(capsys):
     write("ws/a.xml", CORRECT)
     write("ws/b.xml", CORRECT)
     assert run(capsys, "ws") == (0, "", "no findings in 2 files\n")
 
 
-def test_a_folder_without_tree_files_has_status_2(capsys):
+def test_folder_without_tree_files_has_status_2(capsys):
     write("ws/package.xml", "<package/>")
     assert run(capsys, "ws") == (2, "", "sar-compile: ws has no tree file\n")
 
 
-def test_a_file_that_is_named_twice_is_checked_once(capsys):
+def test_file_named_twice_is_checked_once(capsys):
     write("ws/a.xml", WRONG)
     Path("ws/link.xml").symlink_to("a.xml")
     status, out, err = run(capsys, "ws/a.xml", "ws")
     assert (status, out.count("unknown-node"), err) == (1, 1, "1 error in 1 file\n")
 
 
-def test_one_correct_file_is_not_counted(capsys):
+def test_single_correct_file_has_no_count(capsys):
     write("a.xml", CORRECT)
     assert run(capsys, "a.xml") == (0, "a.xml: no findings\n", "")
 
 
-def test_findings_are_counted_by_severity_with_those_that_can_be_fixed(capsys):
+def test_findings_are_counted_by_severity_and_fixability(capsys):
     write("a.xml", document('<Sequence><NavigateToZone _skipif="true"/><NavigateToBse/></Sequence>'))
     write("b.xml", NEEDLESS)
     write("c.xml", document('<Script code="a := b"/>'))
@@ -89,12 +89,12 @@ def test_findings_are_counted_by_severity_with_those_that_can_be_fixed(capsys):
 
 
 @pytest.mark.parametrize("form", ["json", "sarif", "github"])
-def test_tools_are_given_no_count(capsys, form):
+def test_machine_readable_formats_have_no_count(capsys, form):
     write("a.xml", WRONG)
     assert run(capsys, "--format", form, "a.xml")[2] == ""
 
 
-def test_the_files_are_one_set(capsys):
+def test_files_may_use_trees_of_each_other(capsys):
     write("main.xml", document('<SubTree ID="Home"/>'))
     write("trees/home.xml", document("<NavigateToBase/>", "Home"))
     assert run(capsys, "main.xml", "trees/home.xml")[0] == 0
@@ -107,7 +107,7 @@ def test_the_files_are_one_set(capsys):
     assert run(capsys, "--isolated", "main.xml")[0] == 1
 
 
-def test_a_mistake_that_several_files_come_to_is_said_once(capsys):
+def test_error_in_shared_tree_is_reported_once(capsys):
     for name in ("one", "two"):
         write(f"{name}.xml", document('<SubTree ID="Home"/>', name))
     write("home.xml", document("<NavigateToBse/>", "Home"))
@@ -117,7 +117,7 @@ def test_a_mistake_that_several_files_come_to_is_said_once(capsys):
     assert [finding["file"] for finding in json.loads(out)] == ["home.xml"]
 
 
-def test_what_is_mended_in_one_file_is_mended_for_those_that_use_it(capsys):
+def test_fix_in_shared_file_applies_to_files_that_use_it(capsys):
     write("main.xml", document('<SubTree ID="Home"/>'))
     write("home.xml", document('<NavigateToBase oneshott="ON_COMPLETION"/>', "Home"))
     status, out, _ = run(capsys, "--fix", "main.xml", "home.xml")
@@ -135,14 +135,14 @@ YAML = "root:\n  children:\n    - BehaviorTree:\n        ID: Main\n        child
 
 
 @pytest.mark.parametrize(("text", "place"), [(WRONG, "3:1"), (YAML, "5:20")])
-def test_standard_input_is_xml_or_yaml_by_its_content(capsys, monkeypatch, text, place):
+def test_form_of_standard_input_is_detected_from_content(capsys, monkeypatch, text, place):
     monkeypatch.setattr("sys.stdin", TextIOWrapper(BytesIO(text.encode())))
     status, out, err = run(capsys, "-")
     assert (status, err) == (1, "1 error in 1 file\n")
     assert out.startswith(f"<stdin>:{place}: error[unknown-node]: there is no node 'NavigateToBse'")
 
 
-def test_standard_input_has_the_configuration_of_the_current_folder_and_includes_from_it(capsys, monkeypatch):
+def test_standard_input_uses_configuration_and_includes_of_current_folder(capsys, monkeypatch):
     write("sar.toml", '[findings]\nneedless-node = "error"\n')
     write("home.xml", document("<NavigateToBase/>", "Home"))
     text = NEEDLESS.replace("<ZonesRemaining/>", '<SubTree ID="Home"/>').replace(
@@ -154,7 +154,7 @@ def test_standard_input_has_the_configuration_of_the_current_folder_and_includes
     assert "<stdin>:3:1: error[needless-node]" in out
 
 
-def test_hints_are_data_too(capsys):
+def test_machine_readable_formats_contain_hints(capsys):
     write("a.xml", document("<Nothing/>"))
     _, out, _ = run(capsys, "--format", "json", "a.xml")
     (finding,) = json.loads(out)
@@ -163,20 +163,20 @@ def test_hints_are_data_too(capsys):
         assert finding["hint"] in run(capsys, "--format", form, "a.xml")[1]
 
 
-def many(monkeypatch):
+def write_many_errors(monkeypatch):
     monkeypatch.setattr("sar_compiler.checks.MOST", 2)
     write("a.xml", document(f"<Sequence>{'<NavigateToBse/>' * 5}</Sequence>"))
 
 
-def test_that_there_are_more_findings_of_a_kind_is_said_to_people(capsys, monkeypatch):
-    many(monkeypatch)
+def test_text_output_reports_number_of_hidden_findings(capsys, monkeypatch):
+    write_many_errors(monkeypatch)
     status, out, err = run(capsys, "a.xml")
     assert (status, err) == (1, "2 errors, others not shown in 1 file\n")
     assert "info[more-findings]: 3 more unknown-node findings are not shown" in out
 
 
-def test_that_there_are_more_findings_of_a_kind_is_said_to_tools(capsys, monkeypatch):
-    many(monkeypatch)
+def test_machine_readable_formats_report_hidden_findings(capsys, monkeypatch):
+    write_many_errors(monkeypatch)
     last = json.loads(run(capsys, "--format", "json", "a.xml")[1])[-1]
     assert (last["severity"], last["code"], last["message"]) == (
         "info",
@@ -188,8 +188,8 @@ def test_that_there_are_more_findings_of_a_kind_is_said_to_tools(capsys, monkeyp
     assert "::notice " in run(capsys, "--format", "github", "a.xml")[1].splitlines()[-1]
 
 
-def on_a_terminal(*arguments, columns=60, **variables):
-    """Run a command on a terminal; return what it shows."""
+def run_on_terminal(*arguments, columns=60, **variables):
+    """Run a command on a terminal; return its output."""
     ours, theirs = pty.openpty()
     environment = {name: value for name, value in os.environ.items() if name not in variables}
     environment |= {"TERM": "xterm", **variables}
@@ -202,7 +202,7 @@ def on_a_terminal(*arguments, columns=60, **variables):
         while True:
             try:
                 part = os.read(ours, 4096)
-            except OSError:  # nobody writes any more
+            except OSError:  # the command has ended
                 break
             if not part:
                 break
@@ -211,17 +211,17 @@ def on_a_terminal(*arguments, columns=60, **variables):
     return shown.decode().replace("\r\n", "\n")
 
 
-def test_on_a_terminal_findings_have_colours_and_its_width():
+def test_findings_on_terminal_are_coloured_and_fit_its_width():
     write("a.xml", LONG)
-    head, excerpt, *_ = on_a_terminal("validate", "a.xml").splitlines()
+    head, excerpt, *_ = run_on_terminal("validate", "a.xml").splitlines()
     assert "\x1b[1;31merror[unknown-node]\x1b[0m" in head
     assert len(excerpt.replace("\x1b[2m", "").replace("\x1b[0m", "")) == 60
-    assert "\x1b" not in on_a_terminal("validate", "a.xml", NO_COLOR="1")
-    assert "\x1b[1;31merror[unknown-node]" in on_a_terminal("show", "a.xml")
+    assert "\x1b" not in run_on_terminal("validate", "a.xml", NO_COLOR="1")
+    assert "\x1b[1;31merror[unknown-node]" in run_on_terminal("show", "a.xml")
 
 
 class Terminal(BytesIO):
-    """A stream that says it is a terminal."""
+    """A stream that reports that it is a terminal."""
 
     def isatty(self):
         return True
@@ -240,7 +240,7 @@ class Terminal(BytesIO):
         ({"TERM": "dumb"}, False, False),
     ],
 )
-def test_the_environment_decides_on_colours(monkeypatch, variables, in_file, on_terminal):
+def test_environment_variables_control_colours(monkeypatch, variables, in_file, on_terminal):
     monkeypatch.setenv("TERM", "xterm")
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
@@ -248,7 +248,7 @@ def test_the_environment_decides_on_colours(monkeypatch, variables, in_file, on_
     assert terminal.has_colours(TextIOWrapper(Terminal())) is on_terminal
 
 
-def test_a_finding_without_colours_is_the_same_text(capsys, monkeypatch):
+def test_coloured_finding_has_same_text_as_plain_finding(capsys, monkeypatch):
     write("a.xml", LONG)
     plain = run(capsys, "a.xml")[1]
     monkeypatch.setenv("CLICOLOR_FORCE", "1")
@@ -261,7 +261,7 @@ def test_a_finding_without_colours_is_the_same_text(capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("severity", "style"), [(Severity.ERROR, "1;31"), (Severity.WARNING, "1;33"), (Severity.INFO, "1;36")]
 )
-def test_each_severity_has_a_colour(monkeypatch, severity, style):
+def test_each_severity_has_its_colour(monkeypatch, severity, style):
     monkeypatch.setenv("CLICOLOR_FORCE", "1")
     source = Source("a.xml", "<a/>", NO_SPANS)
     finding = Diagnostic("unknown-node", "no node", source, Span(1, 1, 1, 5), severity=severity)
@@ -269,7 +269,7 @@ def test_each_severity_has_a_colour(monkeypatch, severity, style):
     assert f"\x1b[{style}m{severity.value}[unknown-node]" in coloured
 
 
-def test_a_folder_hides_the_shipped_tree_of_its_name_only_if_it_has_trees(capsys):
+def test_folder_hides_shipped_tree_of_same_name_only_if_it_has_trees(capsys):
     Path("search_and_rescue").mkdir()
     status, out, err = run(capsys, "search_and_rescue")
     assert (status, err) == (0, "")

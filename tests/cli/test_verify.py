@@ -1,4 +1,4 @@
-"""`sar-compile verify`, as its users see it."""
+"""Tests of `sar-compile verify`."""
 
 import json
 import re
@@ -38,7 +38,7 @@ def run(tmp_path, capsys):
     return run
 
 
-def test_a_tree_that_is_proved_has_status_0_and_a_line_for_each_question(run):
+def test_proved_tree_has_status_0_and_one_line_per_question(run):
     status, out, err = run(FINE)
     assert (status, err) == (0, "")
     first, tally, *questions, note = out.splitlines()
@@ -48,7 +48,7 @@ def test_a_tree_that_is_proved_has_status_0_and_a_line_for_each_question(run):
     assert note == NOTE
 
 
-def test_a_property_that_does_not_hold_has_status_1_and_its_run(run):
+def test_violated_property_has_status_1_and_counterexample(run):
     properties = "properties: {searched: {never: DetectSurvivor starts}}"
     status, out, _ = run(FINE, "--properties", "{folder}/p.yaml", p=properties)
     assert status == 1
@@ -59,7 +59,7 @@ def test_a_property_that_does_not_hold_has_status_1_and_its_run(run):
     )
 
 
-def test_on_a_terminal_the_answers_have_colours_and_elsewhere_none(run, monkeypatch):
+def test_verdicts_have_colours_only_if_colours_are_enabled(run, monkeypatch):
     properties = "properties: {searched: {never: DetectSurvivor starts}}"
     asked = (FINE, "--properties", "{folder}/p.yaml")
     assert "\x1b" not in run(*asked, p=properties)[1]
@@ -69,7 +69,7 @@ def test_on_a_terminal_the_answers_have_colours_and_elsewhere_none(run, monkeypa
     assert out.count(" \x1b[32mproved\x1b[0m\n") == 4
 
 
-def test_leaves_that_do_not_agree_on_a_fact_are_nothing_to_prove_anything_with(run):
+def test_conflicting_initial_facts_have_status_2(run):
     tree, nodes = document("<Sequence><X/><W/></Sequence>"), ("--nodes", "tests.analysis.verify.leaves")
     status, out, err = run(tree, *nodes)
     assert (status, out) == (2, "")
@@ -79,7 +79,7 @@ def test_leaves_that_do_not_agree_on_a_fact_are_nothing_to_prove_anything_with(r
     assert run(tree, *nodes, "--set", "f=1")[2] == ""
 
 
-def test_a_key_that_only_the_robot_would_write_is_named_with_the_leaf_that_writes_it(run):
+def test_key_written_only_on_robot_is_reported_with_its_leaf(run):
     tree = document('<Sequence><M distance="{d}"/><ScriptCondition code="d &gt; 1"/></Sequence>')
     status, out, _ = run(tree, "--nodes", "tests.analysis.verify.leaves")
     assert status == 1
@@ -87,7 +87,7 @@ def test_a_key_that_only_the_robot_would_write_is_named_with_the_leaf_that_write
     assert advice + 'outcomes: {M: [{status: SUCCESS, then: "d := ..."}]}' in out
 
 
-def test_a_control_that_is_only_described_is_nothing_to_prove_anything_with(run):
+def test_described_control_cannot_be_verified(run):
     model = '<TreeNodesModel><Control ID="Recover"/></TreeNodesModel></root>'
     tree = document("<Recover><AlwaysSuccess/></Recover>").replace("</root>", model)
     status, out, err = run(tree)
@@ -99,7 +99,7 @@ def test_a_control_that_is_only_described_is_nothing_to_prove_anything_with(run)
     assert "controls: {Recover: ...}" in err
 
 
-def test_what_stands_for_a_control_that_is_only_described_is_verified(run):
+def test_replacement_for_described_control_is_verified(run):
     model = '<TreeNodesModel><Control ID="Recover"/></TreeNodesModel></root>'
     tree = document("<Recover><NavigateToZone/><AlwaysSuccess/></Recover>").replace("</root>", model)
     arguments = ("--properties", "{folder}/p.yaml")
@@ -121,7 +121,7 @@ def test_what_stands_for_a_control_that_is_only_described_is_verified(run):
     ]  # fmt: skip
 
 
-def test_leaves_of_one_name_are_told_apart_by_what_is_around_them(run):
+def test_leaves_with_same_name_are_shown_with_parent(run):
     tree = document(
         '<Sequence><Inverter name="Not"><NavigateToBase/></Inverter><NavigateToBase name="NavigateToBase"/></Sequence>'
     )
@@ -130,16 +130,16 @@ def test_leaves_of_one_name_are_told_apart_by_what_is_around_them(run):
     assert "1  Not/NavigateToBase aborted, Sequence/NavigateToBase aborted" in out
 
 
-def test_the_shipped_mission_is_held_against_the_shipped_properties(capsys):
+def test_shipped_mission_is_verified_against_shipped_properties(capsys):
     assert main(["verify", "search_and_rescue", "--set", "zones_left=1"]) == 1
     assert "home only when no zone remains:" in capsys.readouterr().out
 
 
-def test_a_tree_without_a_way_home_is_no_mission_and_has_no_properties_unless_one_names_them(run):
+def test_tree_without_return_home_has_no_mission_properties(run):
     assert "home" not in run(FINE)[1]
 
 
-def test_json_has_the_questions_with_their_runs(run):
+def test_json_has_questions_with_counterexamples(run):
     properties = "properties: {searched: {never: DetectSurvivor found}, kept: {never: KeepReport kept}}"
     status, out, _ = run(FINE, "--properties", "{folder}/p.yaml", "--format", "json", p=properties)
     told = json.loads(out)
@@ -159,7 +159,7 @@ def test_json_has_the_questions_with_their_runs(run):
     assert tick["changes"]["zones_left"] == [3, 2]
 
 
-def test_a_property_about_leaves_that_are_not_there_is_said_to_be_left_out(run):
+def test_property_about_missing_leaf_is_left_out(run):
     properties = "properties: {kept: {never: KeepReport kept}}"
     status, out, _ = run(FINE, "--properties", "{folder}/p.yaml", p=properties)
     assert status == 0
@@ -168,19 +168,19 @@ def test_a_property_about_leaves_that_are_not_there_is_said_to_be_left_out(run):
     assert out.endswith(f"this tree has no KeepReport\n{NOTE}\n")
 
 
-def test_a_bound_that_is_reached_is_said_and_has_status_1(run):
+def test_reached_state_limit_is_reported_with_status_1(run):
     status, out, _ = run(FINE, "--max-states", "10")
     assert status == 1
     assert re.search("not decided: no violation was found in the first .*tick.* of every run", out)
     assert "Not proved beyond 10 states" in out
 
 
-def test_facts_are_set_on_the_command_line(run):
+def test_facts_can_be_set_on_command_line(run):
     states = [run(FINE, "--set", f"zones_left={zones}")[1].split()[0] for zones in (1, 6)]
     assert int(states[0]) < int(states[1])
 
 
-def test_a_parameter_file_says_how_many_zones_the_mission_has(run):
+def test_parameter_file_sets_number_of_zones(run):
     zones = "".join(f", {zone}: {{x: 0, y: 0, yaw: 0}}" for zone in "abcd")[2:]
     params = f"/**: {{ros__parameters: {{zone_order: [a, b, c, d], zones: {{{zones}}}, goal: 2}}}}"
     arguments = ("--params", "{folder}/params.yaml", "--format", "json")
@@ -199,7 +199,7 @@ def test_a_parameter_file_says_how_many_zones_the_mission_has(run):
     assert states(*properties, "--set", "zones_left=4", **file) == with_params
 
 
-def test_a_tree_without_a_mission_takes_parameters_as_keys(run):
+def test_tree_without_mission_reads_parameters_as_keys(run):
     tree = document('<Sequence><ScriptCondition code="@goal == 2"/><AlwaysSuccess/></Sequence>')
     params = "sar_run: {ros__parameters: {goal: 2, tick_rat_hz: 1.0}}"
     status, _, err = run(tree, "--params", "{folder}/params.yaml", params=params)
@@ -214,15 +214,15 @@ def test_a_tree_without_a_mission_takes_parameters_as_keys(run):
     assert f"no parameter of the file is used: {elsewhere}\n" in err
 
 
-def test_the_command_line_wins_over_the_file(run):
+def test_command_line_overrides_property_file(run):
     properties = "facts: {zones_left: 0}\nproperties: {none: {never: AdvanceZone advanced}}"
     arguments = ("--properties", "{folder}/p.yaml")
-    assert run(FINE, *arguments, p=properties)[0] == 1  # some leaves never have their turn
+    assert run(FINE, *arguments, p=properties)[0] == 1  # some leaves are never ticked
     out = run(FINE, *arguments, "--set", "zones_left=1", p=properties)[1]
     assert "none: does not hold" in out
 
 
-def test_a_fact_that_only_the_file_knows_can_be_set(run):
+def test_fact_declared_only_in_property_file_can_be_set(run):
     properties = """
 facts: {battery: 3}
 outcomes: {NavigateToZone: [{status: SUCCESS, when: battery > 0, then: battery -= 1}, {status: FAILURE, when: battery == 0}]}
@@ -258,19 +258,19 @@ def test_wrong_usage_has_status_2(run, arguments, said):
         ("properties: {p: {never: AdvanceZone strts}}", "did you mean 'starts'?"),
     ],
 )
-def test_a_mistake_in_the_properties_has_status_1(run, properties, said):
+def test_error_in_properties_has_status_1(run, properties, said):
     status, out, err = run(FINE, "--properties", "{folder}/p.yaml", p=properties)
     assert (status, out) == (1, "")
     assert said in err
 
 
-def test_an_invalid_tree_has_status_1_and_its_findings(run):
+def test_invalid_tree_has_status_1_and_findings(run):
     status, out, err = run(FINE.replace("AdvanceZone", "AdvnceZone"))
     assert (status, out) == (1, "")
     assert "error[unknown-node]" in err
 
 
-def test_a_control_of_ones_own_is_verified_or_it_is_said_why_it_cannot_be(run):
+def test_custom_control_is_verified_or_rejected_with_reason(run):
     nodes = ("--nodes", "tests.analysis.verify.own_controls")
     status, out, err = run(document("<OwnSequence><AdvanceZone/></OwnSequence>"), *nodes)
     assert (status, err.count("info[needless-node]"), len(err.splitlines())) == (0, 1, 3)
@@ -280,7 +280,7 @@ def test_a_control_of_ones_own_is_verified_or_it_is_said_why_it_cannot_be(run):
     assert "error[only-described]: <TickingMystery> has its own methods" in err
 
 
-def test_a_file_of_properties_says_what_stands_for_a_class_with_methods_of_its_own(run):
+def test_property_file_sets_replacement_for_class_with_own_methods(run):
     nodes = ("--nodes", "tests.analysis.verify.own_controls", "--properties", "{folder}/p.yaml")
     tree = document("<TickingMystery><AdvanceZone/></TickingMystery>")
     status, out, err = run(tree, *nodes, p="controls: {TickingMystery: Sequence}")
@@ -288,7 +288,7 @@ def test_a_file_of_properties_says_what_stands_for_a_class_with_methods_of_its_o
     assert "4 outcomes: 4 proved" in out
 
 
-def test_a_condition_that_cannot_be_evaluated_everywhere_is_named(run):
+def test_condition_that_cannot_be_evaluated_in_every_state_is_reported(run):
     tree = document('<Sequence><AdvanceZone/><Script code="n := 1"/></Sequence>')
     properties = "properties: {counted: {never: AdvanceZone starts, while: n == 1}}"
     status, _, err = run(tree, "--properties", "{folder}/p.yaml", p=properties)
@@ -304,7 +304,7 @@ def reactive(tree):
     return tree.replace("Sequence>", "ReactiveSequence>")
 
 
-def test_what_is_worse_than_for_another_tree_is_told_with_its_run_and_has_status_1(run, tmp_path):
+def test_worse_verdict_than_before_has_status_1_and_counterexample(run, tmp_path):
     status, out, err = run(reactive(FINE), *AGAINST, before=FINE, p=SEARCHED)
     assert (status, err.count("warning[endless-restart]"), len(err.splitlines())) == (1, 1, 3)
     assert (
@@ -319,22 +319,22 @@ def test_what_is_worse_than_for_another_tree_is_told_with_its_run_and_has_status
     assert table[2].startswith("5 outcomes: 2 worse, 3 the same; ")
 
 
-def test_what_is_better_than_for_another_tree_has_status_0_and_no_run(run):
+def test_better_verdict_than_before_has_status_0(run):
     status, out, _ = run(FINE, *AGAINST, before=reactive(FINE), p=SEARCHED)
     assert status == 0
     assert out.startswith("before: ")
     assert "  searched on:                           proved; before: does not hold\n" in out
 
 
-def test_what_does_not_hold_for_both_trees_is_nothing_new(run):
+def test_property_violated_by_both_trees_has_status_0(run):
     status, out, _ = run(FINE, *AGAINST, before=FINE, p="properties: {p: {never: DetectSurvivor starts}}")
     assert status == 0
     assert "\n5 outcomes: 5 the same; " in out
     assert "\n  p:                                     does not hold\n" in out
-    assert "\n\n" not in out  # no run is shown
+    assert "\n\n" not in out  # no counterexample is shown
 
 
-def test_both_trees_are_held_against_the_properties_of_the_mission_of_either(run):
+def test_mission_properties_of_either_tree_apply_to_both(run):
     mission = shared_file_path("trees", "search_and_rescue.xml").read_text(encoding="utf-8")
     arguments = ("--against", "{folder}/before.xml", "--set", "zones_left=1")
     for tree, before in ((FINE, mission), (mission, FINE)):
@@ -343,7 +343,7 @@ def test_both_trees_are_held_against_the_properties_of_the_mission_of_either(run
         assert "left out" in out
 
 
-def test_json_has_both_answers_to_every_question(run):
+def test_json_has_both_verdicts_of_every_question(run):
     status, out, _ = run(reactive(FINE), *AGAINST, "--format", "json", before=FINE, p=SEARCHED)
     told = json.loads(out)
     assert (status, told["worse"], told["before"]["complete"]) == (1, True, True)
@@ -353,13 +353,13 @@ def test_json_has_both_answers_to_every_question(run):
     assert last["now"]["trace"]["ticks"][-1]["events"][-1]["what"] == "halted"
 
 
-def test_the_bounds_of_both_searches_are_told(run):
+def test_limits_of_both_searches_are_reported(run):
     status, out, _ = run(reactive(FINE), *AGAINST, "--max-states", "10", before=FINE, p=SEARCHED)
-    assert status == 1  # a run that is short is found, and whether the other tree has one is not known
+    assert status == 1  # a short counterexample is found, and the other tree may or may not have one
     assert out.count(".xml: Not proved beyond 10 states: there are more states (") == 2
 
 
-def test_which_of_two_trees_cannot_be_verified_is_said(run):
+def test_tree_that_cannot_be_verified_is_named(run):
     only_before = "properties: {p: {never: Again starts}}"
     named = FINE.replace("<DetectSurvivor/>", '<DetectSurvivor name="Again"/>')
     status, out, err = run(named, *AGAINST, before=FINE, p=only_before)
@@ -373,7 +373,7 @@ def test_which_of_two_trees_cannot_be_verified_is_said(run):
 
 
 class Screen:
-    """Standard error as a terminal is."""
+    """Standard error that is a terminal."""
 
     def __init__(self) -> None:
         self.text = ""
@@ -385,11 +385,11 @@ class Screen:
         self.text += text
 
     def flush(self):
-        """Nothing is held back."""
+        """Do nothing, because nothing is buffered."""
 
 
 @pytest.mark.parametrize("terminal", [True, False])
-def test_progress_goes_to_standard_error_where_that_is_a_terminal(run, monkeypatch, terminal):
+def test_progress_is_shown_only_if_standard_error_is_terminal(run, monkeypatch, terminal):
     monkeypatch.setenv("TERM", "xterm")
     shown = Screen()
     monkeypatch.setattr(shown, "isatty", lambda: terminal)
@@ -404,7 +404,7 @@ def test_progress_goes_to_standard_error_where_that_is_a_terminal(run, monkeypat
 
 
 @pytest.mark.parametrize("more", [[], ["--against", "search_and_rescue"]])
-def test_what_is_broken_is_told_when_it_is_found_and_ctrl_c_shows_what_was_found_so_far(tmp_path, more):
+def test_violation_is_reported_at_once_and_ctrl_c_shows_counterexample(tmp_path, more):
     properties = tmp_path / "p.yaml"
     properties.write_text("properties: {stays at home: {never: NavigateToZone starts}}", encoding="utf-8")
     tree = shared_file_path("trees", "search_and_rescue_resilient.xml")

@@ -1,4 +1,4 @@
-"""What the commands say on a machine where a library is missing."""
+"""Tests of the messages of commands on a machine without a library."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ from sar_compiler.commands import run
 
 
 def run_without(library, *arguments, **environment):
-    """Run a command in an interpreter that cannot import a library; return its status and what it said."""
+    """Run a command in an interpreter that cannot import a library; return its status and its standard error."""
     (module, function), *rest = arguments[0].split(":"), *arguments[1:]
     program = (
         f"import sys; sys.modules[{library!r}] = None\n"
@@ -28,7 +28,7 @@ def run_without(library, *arguments, **environment):
 
 
 @pytest.mark.parametrize("library", ["numpy", "PIL"])
-def test_the_simulator_names_what_it_lacks(library, tmp_path):
+def test_simulator_names_missing_library(library, tmp_path):
     status, said = run_without(library, "sar_compiler.cli.sim:main", "map", "-o", str(tmp_path / "map"))
     assert (status, "Traceback" in said) == (2, False)
     assert f"a library of the simulator is missing (import of {library}" in said
@@ -41,7 +41,7 @@ SIMULATING = [("sar_compiler.cli.sim:main", "run"), ("sar_compiler.cli.run:main"
 @pytest.mark.ros
 @pytest.mark.parametrize("command", SIMULATING, ids=" ".join)
 @pytest.mark.parametrize("library", ["numpy", "scipy", "PIL"])
-def test_what_the_simulator_lacks_is_not_taken_for_a_missing_ros(library, command):
+def test_missing_simulator_library_is_not_reported_as_missing_ros(library, command):
     status, said = run_without(library, *command)
     assert (status, "Traceback" in said) == (2, False), said
     assert "a library of the simulator is missing (" in said
@@ -62,7 +62,7 @@ WITHOUT_INTERFACES = [*(("sar_interfaces", command) for command in SERVERS), ("n
 
 
 @pytest.mark.parametrize(("library", "command"), WITHOUT_ROS)
-def test_without_ros_a_command_says_where_ros_comes_from(library, command):
+def test_missing_ros_is_reported(library, command):
     status, said = run_without(library, *command)
     assert (status, "Traceback" in said) == (2, False), said
     assert "ROS 2 is missing (" in said
@@ -70,7 +70,7 @@ def test_without_ros_a_command_says_where_ros_comes_from(library, command):
 
 
 @pytest.mark.parametrize("library", ["starlette", "uvicorn"])
-def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_path):
+def test_missing_web_server_is_reported_with_package_to_install(library, tmp_path):
     status, said = run_without(
         library, "sar_compiler.cli.journal_command:main", "replay", str(tmp_path / "m.journal")
     )
@@ -80,7 +80,7 @@ def test_a_page_that_cannot_be_served_names_what_brings_its_server(library, tmp_
 
 
 @pytest.mark.ros
-def test_a_mission_whose_page_cannot_be_served_does_not_begin():
+def test_mission_does_not_start_if_page_cannot_be_served():
     status, said = run_without("uvicorn", "sar_compiler.cli.run:main", "--sim", "--view", "web")
     assert (status, "Traceback" in said, "Looking" in said) == (2, False, False), said
     assert "sar-run: the page needs a library that is missing (" in said
@@ -89,23 +89,23 @@ def test_a_mission_whose_page_cannot_be_served_does_not_begin():
 
 @pytest.mark.ros
 @pytest.mark.parametrize(("library", "command"), WITHOUT_INTERFACES)
-def test_an_interface_package_that_is_missing_beside_ros_is_named_with_who_has_it(library, command):
+def test_missing_interface_package_is_reported_with_remedy(library, command):
     status, said = run_without(library, *command)
     assert (status, "Traceback" in said) == (2, False), said
     assert f"ROS 2 is installed, but not the interface package '{library}' (" in said
     assert "--find-links dist 'sar_compiler[interfaces]'" in said
 
 
-def test_a_library_that_is_nobodys_to_install_is_a_failure_of_the_project():
+def test_unknown_missing_module_raises_error():
     def command():
-        import a_slip_in_an_import  # type: ignore[import-not-found]  # noqa: F401
+        import no_such_module  # type: ignore[import-not-found]  # noqa: F401
 
     with pytest.raises(ModuleNotFoundError):
         run(command, "sar-run")
 
 
-def registered(prefix, *names):
-    """Register middlewares as those of a sourced workspace."""
+def register_middlewares(prefix, *names):
+    """Register middlewares like a sourced workspace does."""
     index = prefix / "share/ament_index/resource_index/rmw_typesupport"
     index.mkdir(parents=True)
     for name in ("rmw_implementation", *names):
@@ -117,8 +117,8 @@ def registered(prefix, *names):
     [*SIMULATING, *SERVERS, ("sar_compiler.cli.sim:main", "sweep", "search_and_rescue")],
     ids=" ".join,
 )
-def test_a_middleware_that_is_not_installed_is_said_before_ros_is_loaded(command, tmp_path):
-    registered(tmp_path, "rmw_other_cpp")
+def test_missing_middleware_is_reported_before_ros_is_loaded(command, tmp_path):
+    register_middlewares(tmp_path, "rmw_other_cpp")
     status, said = run_without(
         "rclpy", *command, RMW_IMPLEMENTATION="rmw_zenoh_cpp", AMENT_PREFIX_PATH=str(tmp_path)
     )
@@ -134,8 +134,8 @@ def test_a_middleware_that_is_not_installed_is_said_before_ros_is_loaded(command
 
 
 @pytest.mark.parametrize("wanted", ["", "rmw_other_cpp"])
-def test_a_middleware_that_is_installed_is_left_to_ros(wanted, tmp_path):
-    registered(tmp_path, "rmw_other_cpp")
+def test_installed_middleware_is_left_to_ros(wanted, tmp_path):
+    register_middlewares(tmp_path, "rmw_other_cpp")
     _, said = run_without("rclpy", *SERVERS[0], RMW_IMPLEMENTATION=wanted, AMENT_PREFIX_PATH=str(tmp_path))
     assert "ROS 2 is missing (" in said
 
@@ -148,7 +148,7 @@ def test_a_middleware_that_is_installed_is_left_to_ros(wanted, tmp_path):
         ("from rclpy import nothing", "cannot be loaded (cannot import name 'nothing' from 'rclpy'"),
     ],
 )
-def test_an_engine_that_cannot_be_loaded_says_what_is_missing(line, said, tmp_path):
+def test_engine_that_cannot_be_loaded_reports_missing_module(line, said, tmp_path):
     (tmp_path / "py_trees_ros").mkdir()
     (tmp_path / "py_trees_ros/__init__.py").touch()
     (tmp_path / "py_trees_ros/trees.py").write_text(line, encoding="utf-8")
