@@ -1,4 +1,4 @@
-"""What the roots of small trees answer in all their runs, to hold the nodes' records against."""
+"""Compute the outcomes of the roots of small trees in all their runs, to compare them with the outcome records of the nodes."""
 
 import itertools
 import random
@@ -27,7 +27,7 @@ SUBSETS = [
     for size in (1, 2, 3, 4)
     for subset in itertools.combinations((SUCCESS, FAILURE, RUNNING, SKIPPED), size)
 ]
-"""Everything that a leaf can be able to answer."""
+"""The possible sets of a leaf's outcomes."""
 MOST_STATES = 3000
 
 
@@ -44,22 +44,22 @@ def _leaf(outcomes: Sequence[str]) -> NodeSpec:
 
 
 REGISTRY = Registry([*load_registry(palettes=["nav2:main"]).specs(), *map(_leaf, SUBSETS)])
-"""Everything that is installed, the nodes of Nav2, and a leaf for each set of answers."""
+"""The installed nodes, the nodes of Nav2, and a leaf for each set of outcomes."""
 
 
 def leaf(outcomes: Sequence[str], name: str) -> str:
-    """Return a leaf that can answer these."""
+    """Return a leaf that can return these outcomes."""
     return f'<{_leaf_tag(outcomes)} name="{name}"/>'
 
 
 @dataclass(frozen=True)
-class Answers:
-    """What the root of a tree answers.
+class RootOutcomes:
+    """The outcomes of the root of a tree.
 
     Attributes:
-        seen: In any of its runs.
-        may: What the records allow.
-        known: What the records say is certainly possible.
+        seen: The outcomes in any of its runs.
+        may: The outcomes that the records allow.
+        known: The outcomes that are certainly possible according to the records.
         complete: Whether every run was seen.
     """
 
@@ -69,7 +69,7 @@ class Answers:
     complete: bool
 
 
-# Whoever reads v or entry finds other values in every tick. What stands in WhileDoElse answers what the whole does.
+# In every tick, v and entry have other values. The whole tree returns the outcome of the body in WhileDoElse.
 _SURROUNDINGS = """<WhileDoElse>
 <Sequence>
 <ForceSuccess><Leaf_SUCCESS_FAILURE _onSuccess="v := 0" _onFailure="v := 1"/></ForceSuccess>
@@ -80,8 +80,8 @@ _SURROUNDINGS = """<WhileDoElse>
 </WhileDoElse>"""
 
 
-def outcomes_of(body: str) -> Answers | None:
-    """Return what a tree answers; None where it does not mean anything, or one of its runs ends with an error."""
+def outcomes_of(body: str) -> RootOutcomes | None:
+    """Return the outcomes of a tree; None if the tree is invalid, or if one of its runs ends with an error."""
     if reads_keys(body):
         body = _SURROUNDINGS.replace("{body}", body)
     forest = forest_of(f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>')
@@ -96,7 +96,7 @@ def outcomes_of(body: str) -> Answers | None:
     if graph.error is not None:
         return None
     seen = frozenset(WORDS[stepper.steps.restore(key)[0]] for key in graph.states) - {""}
-    return Answers(
+    return RootOutcomes(
         seen,
         _words(context.outcomes.possible_results(root)),
         _words(context.outcomes.certain_results(root)),
@@ -109,10 +109,12 @@ def _words(bits: int) -> frozenset[str]:
 
 
 class RandomTrees:
-    """Trees by chance, of every control and decorator; in each at most one node reads keys, which all have one source.
+    """Random trees of all controls and decorators.
+
+    At most one node of a tree reads keys, because all keys have the same source.
 
     Args:
-        seed: What they depend on.
+        seed: The seed of the random generator.
     """
 
     def __init__(self, seed: int) -> None:
@@ -124,7 +126,7 @@ class RandomTrees:
         self._reads_keys = False
 
     def tree(self, depth: int) -> str:
-        """Return a tree of nodes in nodes, at most so many of them around each leaf."""
+        """Return a tree of nested nodes, with at most `depth` nodes around each leaf."""
         self._reads_keys = False
         return self._node(depth)
 

@@ -1,6 +1,6 @@
-"""No advice changes what a number means: text, unit and all, before and after are equal.
+"""Tests that no advice changes a quantity: number and unit before and after mean the same.
 
-Values of attributes are drawn for every type; the advice of every kind of finding is seen in the example of its page.
+Values of attributes are drawn for every type. The advice of each kind of finding is tested with the example of its page.
 """
 
 import math
@@ -26,7 +26,7 @@ from tests.docs.test_findings import ALONE, CODES, page_of, seen, write
 from tests.trees import document, forest
 
 REGISTRY = load_registry(palettes=["nav2:main"])
-# How many of its quantity's base unit each is.
+# The factor of each unit to the base unit of its quantity.
 TIMES = {
     "us": "1/1000000",
     "ms": "1/1000",
@@ -41,9 +41,9 @@ ANGLES = {"rad": "1", "deg": "pi/180", "degrees": "pi/180", "°": "pi/180"}
 LENGTHS = {"m": "1", "cm": "1/100", "mm": "1/1000", "km": "1000"}
 SPEEDS = {"m/s": "1", "km/h": "5/18", "cm/s": "1/100"}
 RATES = {"hz": "1", "kHz": "1000"}
-OTHERS = {"V": "1", "%": "1/100", "kg": "1"}
+OTHER_UNITS = {"V": "1", "%": "1/100", "kg": "1"}
 QUANTITIES = {"s": TIMES, "ms": TIMES, "rad": ANGLES, "m": LENGTHS, "m/s": SPEEDS, "hz": RATES}
-SPELT = sorted({unit for each in (*QUANTITIES.values(), OTHERS) for unit in each})
+UNIT_SPELLINGS = sorted({unit for each in (*QUANTITIES.values(), OTHER_UNITS) for unit in each})
 TYPES = {
     (spec.tag, parameter.name): parameter.value_type
     for spec in REGISTRY
@@ -58,8 +58,8 @@ def factor(text):
     return Fraction(math.pi) / 180 if text == "pi/180" else Fraction(text)
 
 
-def as_written(value, notation):
-    """Write a number as somebody may: with a decimal comma, groups, an exponent, in hexadecimal."""
+def format_number(value, notation):
+    """Return a number in one of several notations: with a decimal comma, groups, an exponent, or in hexadecimal."""
     plain = f"{value:f}"
     whole, _, rest = plain.partition(".")
     return {
@@ -75,17 +75,17 @@ def as_written(value, notation):
 
 @st.composite
 def quantities(draw):
-    """Draw a number, its unit (none: that of the attribute) and a text for the two."""
+    """Draw a number, its unit (empty: the unit of the attribute), and their text."""
     value = draw(st.decimals(-9_999_999, 9_999_999, places=draw(st.sampled_from([0, 1, 3]))))
     notation = draw(
         st.sampled_from(["plain", "comma", "groups", "underscores", "exponent", "hexadecimal", "plus"])
     )
-    unit = draw(st.sampled_from(["", *SPELT]))
-    return value, unit, as_written(value, notation) + draw(st.sampled_from(["", " "])) + unit
+    unit = draw(st.sampled_from(["", *UNIT_SPELLINGS]))
+    return value, unit, format_number(value, notation) + draw(st.sampled_from(["", " "])) + unit
 
 
 def meaning(number, spelt, unit):
-    """Return what a number means in the base unit of an attribute's quantity; None if its unit is of another one."""
+    """Return a number in the base unit of an attribute's quantity; None if its unit belongs to another quantity."""
     if not spelt:
         return Fraction(number) * (factor(QUANTITIES[unit][unit]) if unit else 1)
     known = QUANTITIES.get(unit, {})
@@ -93,18 +93,18 @@ def meaning(number, spelt, unit):
 
 
 def split(text):
-    """Return number and unit of a suggestion; it is in plain notation."""
+    """Return the number and the unit of a suggestion, which is in plain notation."""
     number = text.rstrip("".join({*"abcdefghijklmnopqrstuvwxyz/°"}))
     return Decimal(number), text[len(number) :]
 
 
 @pytest.mark.parametrize("place", [pytest.param(each, id=".".join(each)) for each in NUMBERS])
-def test_what_is_suggested_for_an_attribute_has_a_known_value_beside_every_unit(place):
-    for spelt in SPELT:
-        hold_to(NUMBERS[place], Decimal(90), spelt, f"90{spelt}")
+def test_suggestion_for_number_with_any_unit_keeps_its_value(place):
+    for spelt in UNIT_SPELLINGS:
+        check_suggestion(NUMBERS[place], Decimal(90), spelt, f"90{spelt}")
 
 
-def test_a_number_of_more_digits_than_anybody_means_is_rounded():
+def test_number_with_too_many_digits_is_rounded():
     assert convert_with_unit("1.0000000000000000000000001 km", "m") == "1000"
     assert convert_with_unit("1.0000000000000001 km", "m") == "1000.0000000000001"
 
@@ -114,11 +114,11 @@ def test_a_number_of_more_digits_than_anybody_means_is_rounded():
 @example(("Wait", "wait_duration"), (Decimal("1.5"), "ms", "1,500ms"))
 @example(("Retry", "num_failures"), (Decimal(0), "", "0"))
 @example(("AssistedTeleop", "server_timeout"), (Decimal(3662), "h", "3662h"))
-def test_a_suggested_value_means_what_was_written(place, quantity):
-    hold_to(NUMBERS[place], *quantity)
+def test_suggested_value_equals_written_quantity(place, quantity):
+    check_suggestion(NUMBERS[place], *quantity)
 
 
-def hold_to(value_type, number, spelt, text):
+def check_suggestion(value_type, number, spelt, text):
     suggestion = suggested(value_type, text)
     if suggestion is None:
         return
@@ -142,7 +142,7 @@ UNIT_WORDS = ("ms", "msec", "s", "sec", "seconds", "min", "hours", "deg", "rad",
 
 
 @pytest.mark.parametrize("place", [pytest.param(each, id=".".join(each)) for each in sorted(NUMBERS)])
-def test_no_attribute_is_suggested_whose_numbers_have_another_unit(place):
+def test_suggested_attribute_has_unit_of_written_attribute(place):
     tag, name = place
     stem = name.rpartition("_")[0] if unit_suffix(name) else name
     inside = {"Control": 2, "Decorator": 1}.get(REGISTRY[tag].kind.value, 0)
@@ -158,18 +158,18 @@ def test_no_attribute_is_suggested_whose_numbers_have_another_unit(place):
                 assert unit == unit_suffix(written), f"{written} -> {meant}"
 
 
-def test_a_number_of_an_attribute_with_another_unit_is_worked_out():
+def test_hint_converts_number_to_unit_of_known_attribute():
     [finding] = check(forest('<Delay delay_sec="3"><NavigateToBase/></Delay>'), REGISTRY)
     assert (finding.suggestion, finding.hint) == (None, 'write delay_msec="3000"')
 
 
 @given(st.integers(0, 99), st.integers(0, 99), st.lists(st.integers(0, 9999).map(str)))
-def test_no_number_is_meant_by_another_one(one, other, known):
+def test_number_is_not_suggested_for_another_number(one, other, known):
     assert nearest(f"{one}.{other}", known) is None
 
 
 @given(quantities(), st.sampled_from(["@a := {}", "@a == {}", "@a := -{}"]))
-def test_mended_scripts_have_the_numbers_that_were_written(quantity, script):
+def test_fixed_scripts_keep_written_numbers(quantity, script):
     value, _, text = quantity
     tree_file = parse_xml(document(f'<ScriptCondition code="{script.format(text)}"/>'), "test.xml")
     found = check(Forest.from_file(tree_file), REGISTRY)
@@ -180,7 +180,7 @@ def test_mended_scripts_have_the_numbers_that_were_written(quantity, script):
 
 
 @given(st.lists(st.tuples(st.sampled_from(sorted(NUMBERS)), quantities()), max_size=5))
-def test_mended_files_have_the_values_that_were_written(attributes):
+def test_fixed_files_keep_written_values(attributes):
     body = "".join(f'<{tag} {name}="{text}"/>' for (tag, name), (_, _, text) in attributes)
     tree_file = parse_xml(document(body or "<AlwaysSuccess/>"), "test.xml")
     mended = fixes(tree_file.source, tree_file, check(Forest.from_file(tree_file), REGISTRY))
@@ -189,26 +189,26 @@ def test_mended_files_have_the_values_that_were_written(attributes):
     )
 
 
-# What a number of an example is replaced by, one after the other.
-WRITTEN = ["7", "-3", "1,5", "1,500ms", "500ms", "90deg", "2 sec", "0x10", "1e3", ".5", "05", "1_000"]
+# The texts that replace the numbers of an example, one after the other.
+SUBSTITUTES = ["7", "-3", "1,5", "1,500ms", "500ms", "90deg", "2 sec", "0x10", "1e3", ".5", "05", "1_000"]
 IN_FILES = re.compile(r"""(?<=["':=(\[;,/ ])-?\d+(?:\.\d+)?(?=["');\],/\s])""")
 VERSIONS = re.compile(r"""(?:format|btcpp|version)["']?\s*[=:]\s*["']?$""")
 QUANTITY = re.compile(
     r"""(?<![\w.,])[-+]?(?:0[xX][0-9a-fA-F]+|(?:\d[\d_]*(?:[.,]\d+)*|\.\d+)(?:[eE][-+]?\d+)?)[ ]?(?:[A-Za-z/%\u00b0]+)?"""
 )
 NUMBER = re.compile(r"[-+]?(?:0[xX][0-9a-fA-F]+|(?:[\d_.,]+)(?:[eE][-+]?\d+)?)")
-# Whose number is that of a version, and no quantity.
+# Findings whose number is a version, not a quantity.
 OF_VERSIONS = {"wrong-format", "missing-format"}
 FORMAT = "BTCPP_format"
-# Of kinds that are mended in some cases, of which their page shows another one.
-MENDED = {
+# Examples of findings that have a fix only in cases that their page does not show.
+EXAMPLES_WITH_FIX = {
     "btcpp-version": """<ScriptCondition code='@a == "7 5"'/>""",
     "ignored-attribute": '<LoopInt queue="1;2" value=""><AlwaysSuccess/></LoopInt>',
 }
 
 
 def readings(number):
-    """Return all that a number may mean by itself; a comma is a decimal one, or stands between thousands."""
+    """Return the possible values of a number, whose comma is a decimal comma or separates thousands."""
     plain = number.replace("_", "")
     if "x" in plain.lower():
         return {Fraction(int(plain, 16))}
@@ -217,7 +217,7 @@ def readings(number):
 
 
 def quantities_in(text, unit):
-    """Return what each number of a text may mean, where plain ones have a unit."""
+    """Return the possible values of each number in a text; plain numbers have the given unit."""
     found = []
     for token in (each[0] for each in QUANTITY.finditer(text)):
         number = NUMBER.findall(token)[0]
@@ -229,7 +229,7 @@ def quantities_in(text, unit):
 
 
 def unit_of(source, start):
-    """Return the unit of plain numbers at an offset of a file: of the attribute or the key before it."""
+    """Return the unit of plain numbers at an offset of a file, given by the attribute or the key before it."""
     before = source.text[:start]
     names = re.findall(r"""([\w.-]+)["']?\s*[=:]\s*[^=]*$""", before[before.rfind("\n") + 1 :])
     tags = re.findall(r"<(\w+)", before)
@@ -238,7 +238,7 @@ def unit_of(source, start):
 
 
 def changed_numbers(finding):
-    """Return the numbers that somebody who follows a finding writes, and that mean nothing that was written."""
+    """Return the numbers that the advice of a finding introduces, and that equal none of the written numbers."""
     source, span = finding.source, finding.span
     start, end = source.offset(*span[:2]), source.offset(*span[2:])
     line = source.line(span.line)
@@ -261,19 +261,19 @@ def changed_numbers(finding):
     ]
 
 
-# A number that is to be written, unless it is a limit, or one of several.
+# A number that the hint tells to write, unless it is a limit, or one of several.
 TO_WRITE = re.compile(r"\bwrite (-?\d[\d.]*)(?![\w.]| or (?:fewer|more)| at most)")
 CONVERTED = re.compile(r"^(-?[\d.]+) ([\w/]+) are (-?[\d.]+)(?: [\w/]+)?: write \3$")
-MISTAKEN = {"percent": "1/100", "degrees": "pi/180", "ms": "1/1000", "mm": "1/1000", "mm/s": "1/1000"}
+CONFUSED_UNITS = {"percent": "1/100", "degrees": "pi/180", "ms": "1/1000", "mm": "1/1000", "mm/s": "1/1000"}
 
 
 def invented_numbers(finding):
-    """Return the numbers that a hint has written, and that are neither an example nor follow from the text at the place."""
+    """Return the numbers that a hint tells to write, and that are neither examples nor follow from the text at the location."""
     hint, span = (finding.hint or "").partition("for example")[0], finding.span
     start, end = finding.source.offset(*span[:2]), finding.source.offset(*span[2:])
     written = [each for found in quantities_in(finding.source.text[start:end], "") for each in found]
     if converted := CONVERTED.match(hint):
-        number, times = Fraction(converted[1]), factor(MISTAKEN[converted[2]])
+        number, times = Fraction(converted[1]), factor(CONFUSED_UNITS[converted[2]])
         meant = Fraction(converted[3])
         is_right = number in written and abs(meant - number * times) <= ROUNDED * abs(meant)
         return [] if is_right else [converted[0]]
@@ -289,9 +289,9 @@ def invented_numbers(finding):
 
 
 def variants(files):
-    """Yield the files of an example as they are, and with each of the texts in place of its numbers."""
+    """Yield the files of an example unchanged, and with each of the substitutes in place of its numbers."""
     yield files
-    for text in WRITTEN:
+    for text in SUBSTITUTES:
 
         def other(match, text=text):
             return match[0] if VERSIONS.search(match.string[: match.start()]) else text
@@ -306,7 +306,7 @@ def variants(files):
 
 @pytest.fixture
 def findings_of(monkeypatch, tmp_path):
-    """Return a function that yields all findings about the example of a kind, whatever command makes them."""
+    """Return a function that yields all findings about the example of a kind, from any command."""
     made = []
     finish = Diagnostic.__post_init__
 
@@ -320,10 +320,10 @@ def findings_of(monkeypatch, tmp_path):
         page = page_of(code)
         command = page.commands("Finding")
         if command is not None and not ALONE.fullmatch(command):
-            return  # it is another process that finds something
+            return  # another process reports the finding
         examples = [page.sections["Bad"]]
-        if code in MENDED:
-            examples.append([replace(examples[0][0], text=document(MENDED[code]))])
+        if code in EXAMPLES_WITH_FIX:
+            examples.append([replace(examples[0][0], text=document(EXAMPLES_WITH_FIX[code]))])
         every = (files for example in examples for files in variants(example))
         for number, files in enumerate(every):
             folder = tmp_path / str(number)
@@ -337,7 +337,7 @@ def findings_of(monkeypatch, tmp_path):
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("code", CODES)
-def test_the_advice_of_every_kind_of_finding_keeps_the_numbers_that_were_written(code, findings_of):
+def test_advice_of_each_kind_of_finding_keeps_written_numbers(code, findings_of):
     advised = set()
     for finding in findings_of(code):
         if finding.code not in OF_VERSIONS:
@@ -345,4 +345,4 @@ def test_the_advice_of_every_kind_of_finding_keeps_the_numbers_that_were_written
             assert invented_numbers(finding) == [], finding.render()
         if finding.suggestion is not None:
             advised.add(finding.code)
-    assert code in advised or code not in SAFE, "the page of a kind that is mended has an example that is"
+    assert code in advised or code not in SAFE, "the page of a kind with a fix has an example with a fix"

@@ -1,4 +1,4 @@
-"""Everything at once, also in files that go wrong somewhere: what stands before that place is checked."""
+"""Tests that a malformed file is checked up to its syntax error, and that all findings are reported at once."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from sar_compiler.cli.compile import main
 from sar_compiler.loaded_tree import load
 
 HEAD = '<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">\n'
-# Each: what stands in the tree (its first line is line 3), up to the end of the file; then all findings.
+# Each: the text of the tree up to the end of the file (its first line is line 3), and all findings.
 IN_XML = {
     "mistakes before, and nothing that the rest may mend": (
         '<Sequence memroy="true">\n<Sucess/>\n<Sleep msec="5 s"/>\n<Inverter/>\n<Retry num_failures="x">\n<A b/>',
@@ -75,7 +75,7 @@ def found(path):
 
 
 @pytest.mark.parametrize("name", IN_XML)
-def test_what_stands_before_a_broken_place_is_checked_in_xml(name, tmp_path):
+def test_xml_before_syntax_error_is_checked(name, tmp_path):
     text, expected = IN_XML[name]
     path = tmp_path / "tree.xml"
     path.write_text(HEAD + text, encoding="utf-8")
@@ -83,14 +83,14 @@ def test_what_stands_before_a_broken_place_is_checked_in_xml(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", IN_YAML)
-def test_what_stands_before_a_broken_place_is_checked_in_yaml(name, tmp_path):
+def test_yaml_before_syntax_error_is_checked(name, tmp_path):
     text, expected = IN_YAML[name]
     path = tmp_path / "tree.yaml"
     path.write_text(YAML_HEAD + text, encoding="utf-8")
     assert found(path) == expected
 
 
-def test_what_an_included_file_describes_is_known_before_a_broken_place(tmp_path):
+def test_nodes_of_included_file_are_known_before_syntax_error(tmp_path):
     (tmp_path / "palette.xml").write_text(
         '<root><TreeNodesModel><Action ID="MyLeaf"/></TreeNodesModel></root>'
     )
@@ -104,7 +104,7 @@ def test_what_an_included_file_describes_is_known_before_a_broken_place(tmp_path
 LOOSE = HEAD + '<ScriptCondition code="@a < 2 &amp;&amp; @b && 1 == 1"/>\n</BehaviorTree>\n</root>\n'
 
 
-def test_a_file_with_raw_characters_is_valid_and_can_be_shown_and_simulated(tmp_path, capsys):
+def test_file_with_raw_characters_is_valid_and_can_be_shown_and_simulated(tmp_path, capsys):
     path = tmp_path / "tree.xml"
     path.write_text(LOOSE)
     assert main(["validate", str(path)]) == 0
@@ -114,7 +114,7 @@ def test_a_file_with_raw_characters_is_valid_and_can_be_shown_and_simulated(tmp_
     assert load(path).simulate(scenario={"facts": {}}) is not None
 
 
-def test_raw_characters_are_mended_and_nothing_else(tmp_path, capsys):
+def test_fix_changes_only_raw_characters(tmp_path, capsys):
     path = tmp_path / "tree.xml"
     path.write_text(LOOSE)
     assert main(["validate", "--fix", str(path)]) == 0
@@ -123,7 +123,7 @@ def test_raw_characters_are_mended_and_nothing_else(tmp_path, capsys):
     assert "loose-xml]: && -> &amp;&amp;" in capsys.readouterr().out
 
 
-def test_a_slip_in_a_script_is_mended_with_raw_characters_in_a_file_that_stays_broken(tmp_path):
+def test_script_and_raw_characters_are_fixed_in_malformed_file(tmp_path):
     path = tmp_path / "tree.xml"
     path.write_text(HEAD + "<Sequence><ScriptCondition code='@a < 2 and @b'/><A b")
     assert main(["validate", "--fix", str(path)]) == 1

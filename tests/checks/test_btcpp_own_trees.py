@@ -1,4 +1,4 @@
-"""The trees that BehaviorTree.CPP tests itself with, as facts: what it takes is no error here, what it refuses is one."""
+"""Tests with the trees of BehaviorTree.CPP's own tests: a tree has an error if and only if BehaviorTree.CPP rejects the tree."""
 
 import re
 from xml.sax.saxutils import escape
@@ -10,8 +10,8 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.tree.diagnostic import Severity
 from tests.trees import document, forest_of
 
-# Trees as TAG[ATTRIBUTES](CHILDREN). What is no node of the language there is a leaf of its tests.
-TAKEN = """
+# Trees as TAG[ATTRIBUTES](CHILDREN). Tags that are no nodes of the language are leaves of its tests.
+ACCEPTED = """
 Delay[delay_msec=100](AlwaysSuccess)
 Fallback(Inverter(IsDoorClosed) RetryUntilSuccessful[num_attempts=5](PickLock) SmashDoor)
 ForceFailure(AlwaysSuccess)
@@ -64,8 +64,8 @@ WhileDoElse(AlwaysFailure TestA)
 WhileDoElse(AlwaysSuccess AlwaysFailure TestA)
 WhileDoElse(RunningThenSuccess TestA TestB)
 """
-# It refuses these when it reads them, or raises when they are ticked for the first time.
-REFUSED = """
+# BehaviorTree.CPP rejects these when it reads them, or raises at their first tick.
+REJECTED = """
 
 AlwaysSuccess AlwaysFailure
 ForceFailure
@@ -105,38 +105,38 @@ def as_xml(notation):
     return "".join(written)
 
 
-def of_the_tests(notation):
-    """Return the leaves of a tree that only the tests have."""
+def custom_leaves(notation):
+    """Return the leaves of a tree that only exist in the tests of BehaviorTree.CPP."""
     known = {spec.tag for spec in default_registry()} | {"SubTree"}
     tags = {tag for tag, *_ in _PART.findall(re.sub(r"\[[^]]*\]", "", notation)) if tag}
     return sorted(tags - known)
 
 
 def errors(notation):
-    """Return the codes of the errors in a tree, whose own leaves a model describes."""
-    model = "".join(f'<Action ID="{tag}"/>' for tag in of_the_tests(notation))
+    """Return the codes of the errors in a tree with a model of its custom leaves."""
+    model = "".join(f'<Action ID="{tag}"/>' for tag in custom_leaves(notation))
     text = document(as_xml(notation)).replace("</root>", f"<TreeNodesModel>{model}</TreeNodesModel></root>")
     found = check(forest_of(text), default_registry())
     return [each.code for each in found if each.severity is Severity.ERROR]
 
 
-def undescribed(notation):
-    """Return the codes of the errors in a tree whose own leaves nobody knows."""
+def errors_without_model(notation):
+    """Return the codes of the errors in a tree without a model of its custom leaves."""
     found = check(forest_of(document(as_xml(notation))), default_registry())
     return {each.code for each in found if each.severity is Severity.ERROR}
 
 
-@pytest.mark.parametrize("notation", lines(TAKEN))
-def test_a_tree_that_btcpp_takes_has_no_error(notation):
+@pytest.mark.parametrize("notation", lines(ACCEPTED))
+def test_tree_accepted_by_btcpp_has_no_error(notation):
     assert errors(notation) == []
 
 
-@pytest.mark.parametrize("notation", lines(REFUSED))
-def test_a_tree_that_btcpp_refuses_has_one_that_says_so(notation):
+@pytest.mark.parametrize("notation", lines(REJECTED))
+def test_tree_rejected_by_btcpp_has_error(notation):
     assert errors(notation)
     assert "internal-error" not in errors(notation)
 
 
-@pytest.mark.parametrize("notation", lines(TAKEN))
-def test_without_a_description_of_its_leaves_these_are_all_that_is_wrong_with_a_tree(notation):
-    assert undescribed(notation) == ({"unknown-node"} if of_the_tests(notation) else set())
+@pytest.mark.parametrize("notation", lines(ACCEPTED))
+def test_accepted_tree_without_model_has_only_unknown_leaves(notation):
+    assert errors_without_model(notation) == ({"unknown-node"} if custom_leaves(notation) else set())

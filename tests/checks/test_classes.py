@@ -1,4 +1,4 @@
-"""Classes of which nothing can be made are found without making one."""
+"""Tests that abstract classes are found without creating an instance."""
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -12,7 +12,7 @@ from tests.trees import class_of, errors, forest
 
 
 class Half(Behaviour):
-    """Has no update."""
+    """A behaviour without update()."""
 
 
 class Whole(Half):
@@ -21,7 +21,7 @@ class Whole(Half):
 
 
 class Drive(ActionLeaf):
-    """Does not say what it wants."""
+    """An action leaf without goal()."""
 
 
 REGISTRY = Registry(
@@ -29,13 +29,13 @@ REGISTRY = Registry(
 )
 
 
-def test_the_first_node_of_an_abstract_class_is_a_finding_that_names_the_missing_method():
+def test_first_node_of_abstract_class_is_reported_with_missing_method():
     found = errors(forest("<Sequence>\n<Whole/>\n<Half/>\n<Half/>\n</Sequence>"), REGISTRY)
     assert [(f.code, f.span.line, f.span.column) for f in found] == [("constructor-failed", 5, 1)]
     assert found[0].message == f"<Half> cannot be created: its class {__name__}.Half has no update()"
 
 
-def test_a_leaf_on_a_base_of_this_project_is_told_all_that_the_base_leaves_to_it():
+def test_leaf_of_project_base_class_is_reported_with_missing_method():
     (finding,) = check_classes(CheckContext(forest("<Drive/>"), REGISTRY))
     assert finding.message.endswith("has no goal()")
 

@@ -1,4 +1,4 @@
-"""What a project decides in its file, and what is said of mistakes in that."""
+"""Tests of a project's configuration file, and of the findings about its errors."""
 
 import pytest
 
@@ -18,7 +18,7 @@ def write(path, text):
     path.write_text(text, encoding="utf-8")
 
 
-def mistakes(tree):
+def configuration_errors(tree):
     with pytest.raises(TreeError) as caught:
         configuration_for(tree)
     return [
@@ -27,11 +27,11 @@ def mistakes(tree):
     ]
 
 
-def test_without_a_file_nothing_is_decided(tree):
+def test_missing_file_gives_default_configuration(tree):
     assert configuration_for(tree) is NOTHING_DECIDED
 
 
-def test_the_file_is_looked_for_from_the_tree_upwards(tree):
+def test_file_is_searched_from_tree_upwards(tree):
     (tree.parents[2] / ".git").mkdir()
     write(tree.parents[1] / "sar.toml", 'nodes = ["a.b"]\nmodels = ["m.xml"]\ninclude-path = ["../x"]\n')
     found = configuration_for(tree)
@@ -43,30 +43,30 @@ def test_the_file_is_looked_for_from_the_tree_upwards(tree):
     )
 
 
-def test_the_nearest_file_counts_alone(tree):
+def test_only_nearest_file_applies(tree):
     write(tree.parents[1] / "sar.toml", '[findings]\nsame-name = "off"\n')
     write(tree.parent / "pyproject.toml", '[tool.sar.findings]\nunread-key = "error"\n')
     assert configuration_for(tree).severities == {"unread-key": Severity.ERROR}
 
 
-def test_of_two_in_one_folder_sar_toml_counts(tree):
+def test_sar_toml_takes_precedence_over_pyproject_toml(tree):
     write(tree.parent / "sar.toml", '[findings]\nsame-name = "off"\n')
     write(tree.parent / "pyproject.toml", '[tool.sar.findings]\nsame-name = "error"\n')
     assert configuration_for(tree).severities == {"same-name": None}
 
 
-def test_a_pyproject_file_without_the_table_is_passed_over(tree):
+def test_pyproject_toml_without_project_table_is_skipped(tree):
     write(tree.parents[1] / "sar.toml", 'nodes = ["a"]\n')
     write(tree.parent / "pyproject.toml", '[project]\nname = "sar"\n[tool.other]\nx = 1\n')
     assert configuration_for(tree).nodes == ("a",)
 
 
-def test_a_pyproject_file_that_never_speaks_of_it_need_not_be_toml(tree):
+def test_pyproject_toml_that_never_mentions_project_need_not_be_valid(tree):
     write(tree.parent / "pyproject.toml", "nothing = of the kind, sar-compile\n")
     assert configuration_for(tree) is NOTHING_DECIDED
 
 
-MISTAKES = {
+ERRORS = {
     "an unknown setting": ('model = ["a"]', "unknown-key", 1, 1, "models"),
     "a text where a list belongs": ('\nnodes = "a"', "wrong-shape", 2, 10, None),
     "a list of numbers": ("include-path = [ 1]", "wrong-value", 1, 18, '"1"'),
@@ -86,7 +86,7 @@ MISTAKES = {
     "what is not TOML in a line": ("a = 1\nnodes = a\n", "malformed-toml", 2, 9, None),
     "brackets without end": (f"a = {'[' * 2000}", "too-deep", 1, 1, None),
     "what is not text": ("a = '\0'", "wrong-encoding", 1, 6, None),
-    # The words of a setting also stand where TOML has no key.
+    # The name of a setting also occurs in comments and strings.
     "a comment before": (
         '# same-nam is noisy\n[findings]\nsame-nam = "off"',
         "unknown-key",
@@ -117,11 +117,11 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_is_found_where_it_stands(tree, name):
-    text, *expected = MISTAKES[name]
+@pytest.mark.parametrize("name", ERRORS)
+def test_error_is_reported_with_location(tree, name):
+    text, *expected = ERRORS[name]
     write(tree.parents[1] / "sar.toml", text)
-    assert mistakes(tree) == [("sar.toml", *expected)]
+    assert configuration_errors(tree) == [("sar.toml", *expected)]
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_a_mistake_is_found_where_it_stands(tree, name):
         ),
     ],
 )
-def test_missing_quotes_are_told_as_what_is_missing(tree, text, message, advice):
+def test_missing_quotes_are_reported(tree, text, message, advice):
     write(tree.parents[1] / "sar.toml", text)
     with pytest.raises(TreeError) as caught:
         configuration_for(tree)
@@ -153,30 +153,35 @@ def test_missing_quotes_are_told_as_what_is_missing(tree, text, message, advice)
     assert (found.message, found.advice) == (message, advice or "did you mean '\"true\"'?")
 
 
-def test_a_mistake_in_pyproject_toml_is_found_in_its_own_table(tree):
+def test_error_in_pyproject_toml_is_located_in_project_table(tree):
     text = '[tool.other.findings]\nsame-nam = 1\n[tool.sar.findings]\nsame-nam = "off"\n'
     write(tree.parents[1] / "pyproject.toml", text)
-    assert mistakes(tree) == [("pyproject.toml", "unknown-key", 4, 1, "same-name")]
+    assert configuration_errors(tree) == [("pyproject.toml", "unknown-key", 4, 1, "same-name")]
 
 
-def test_all_mistakes_of_a_file_are_found_at_once(tree):
+def test_all_errors_of_file_are_reported_at_once(tree):
     text = 'model = 1\nnodes = 1\n[findings]\nsame-name = "of"\nsame-nam = "off"\n'
     write(tree.parents[1] / "sar.toml", text)
-    assert [(line, column) for _, _, line, column, _ in mistakes(tree)] == [(1, 1), (2, 9), (4, 14), (5, 1)]
+    assert [(line, column) for _, _, line, column, _ in configuration_errors(tree)] == [
+        (1, 1),
+        (2, 9),
+        (4, 14),
+        (5, 1),
+    ]
 
 
-def test_tables_of_other_tools_in_pyproject_toml_are_passed_over(tree):
+def test_tables_of_other_tools_in_pyproject_toml_are_skipped(tree):
     text = "[[tool.a.b]]\nx = 1\n[[tool.a.b]]\nx = {y = [[1], [{}]]}\n[tool.sar]\nnodes = 1\n"
     write(tree.parents[1] / "pyproject.toml", text)
-    assert mistakes(tree) == [("pyproject.toml", "wrong-shape", 6, 9, None)]
+    assert configuration_errors(tree) == [("pyproject.toml", "wrong-shape", 6, 9, None)]
 
 
 @pytest.mark.parametrize("text", ["", " \n", "# nothing\n"])
-def test_an_empty_file_decides_nothing(tree, text):
+def test_empty_file_gives_default_configuration(tree, text):
     write(tree.parents[1] / "sar.toml", text)
     assert configuration_for(tree) is NOTHING_DECIDED
 
 
-def test_an_error_may_be_said_to_be_one(tree):
+def test_severity_of_error_may_be_set_to_error(tree):
     write(tree.parent / "sar.toml", '[findings]\nunknown-node = "error"\n')
     assert configuration_for(tree).severities == {"unknown-node": Severity.ERROR}

@@ -1,4 +1,4 @@
-"""Files in which nothing may be found: what people write on purpose."""
+"""Tests that intended constructs have no findings."""
 
 from pathlib import Path
 
@@ -23,12 +23,12 @@ SHIPPED = sorted(
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=str)
-def test_nothing_is_said_of_what_is_shipped(path):
+def test_shipped_trees_have_no_findings(path):
     findings = check(load_forest(path, read_tree_file), load_registry(LEAVES))
     assert [finding.render() for finding in findings] == []
 
 
-ON_PURPOSE = {
+INTENDED = {
     "a condition that is watched while something is done": (
         '<Sequence memory="false"><Ready/><Drive/></Sequence>'
     ),
@@ -84,12 +84,12 @@ ON_PURPOSE = {
 }
 
 
-@pytest.mark.parametrize("name", ON_PURPOSE)
-def test_nothing_is_said_of_what_is_meant(name):
-    assert [finding.render() for finding in check(forest_of(document(ON_PURPOSE[name])), REGISTRY)] == []
+@pytest.mark.parametrize("name", INTENDED)
+def test_intended_constructs_have_no_findings(name):
+    assert [finding.render() for finding in check(forest_of(document(INTENDED[name])), REGISTRY)] == []
 
 
-# In the words of Nav2: nodes that only a palette describes, and keys that the navigator writes.
+# A tree as for Nav2: nodes that only a palette describes, and keys that the navigator writes.
 PALETTE = """<root BTCPP_format="4"><TreeNodesModel>
   <Action ID="ComputePath"><input_port name="goal"/><output_port name="path"/><output_port name="error"/></Action>
   <Action ID="FollowPath"><input_port name="path"/><output_port name="error"/></Action>
@@ -128,12 +128,12 @@ NAVIGATION = """
 </RecoveryNode>"""
 
 
-def test_nothing_is_said_of_a_tree_of_nodes_that_only_a_palette_describes():
+def test_tree_of_described_nodes_has_no_findings():
     findings = check(forest_of(document(NAVIGATION)), load_registry(), [parse_xml(PALETTE, "palette.xml")])
     assert [finding.render() for finding in findings] == []
 
 
-def test_a_key_that_is_misspelt_once_is_found_among_nodes_that_are_only_described():
+def test_misspelt_key_is_found_in_tree_of_described_nodes():
     text = document(NAVIGATION.replace('<PathIsValid path="{path}"', '<PathIsValid path="{paht}"'))
     (finding,) = check(forest_of(text), load_registry(), [parse_xml(PALETTE, "palette.xml")])
     assert (finding.code, finding.suggestion) == ("unwritten-key", "{path}")
@@ -150,12 +150,12 @@ def test_a_key_that_is_misspelt_once_is_found_among_nodes_that_are_only_describe
         '<WaitForBlackboardVariableValue variable="@status" operator="eq" value="1"/>',
     ],
 )
-def test_what_goes_on_where_it_was_may_come_before_what_takes_time(leaf):
+def test_leaf_that_keeps_its_state_may_precede_long_action(leaf):
     text = document(f"<ReactiveSequence>\n{leaf}\n<Drive/>\n</ReactiveSequence>")
     assert [finding.render() for finding in check(forest_of(text), REGISTRY)] == []
 
 
 @pytest.mark.parametrize("inner", ["<PassThrough><Ready/></PassThrough>", "<Inverter><Ready/></Inverter>"])
-def test_what_passes_every_answer_on_takes_nothing_back(inner):
+def test_decorator_inside_count_has_no_findings(inner):
     text = document(f"<Count>{inner}</Count>")
     assert [finding.render() for finding in check(forest_of(text), REGISTRY)] == []

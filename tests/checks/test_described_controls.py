@@ -1,4 +1,4 @@
-"""What a file says that stands for a described node: every mistake in it gets one finding, where it stands."""
+"""Tests of replacements for described nodes in a file: each error has one finding, with its location."""
 
 import pytest
 
@@ -13,8 +13,8 @@ TREE = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="M
 <TreeNodesModel><Action ID="Grab"/><Control ID="Both"/><Decorator ID="Twice"/><Decorator ID="Rare"/></TreeNodesModel></root>"""
 
 
-def taken(text):
-    """Return what is wrong with a file, and which classes stand in the tree then."""
+def apply_replacements(text):
+    """Apply the replacements of a file; return the findings, and the tags of the tree's controls and decorators."""
     forest, registry = forest_of(TREE), default_registry()
     binding = bind_main(forest, registry)
     document = parse_yaml(text, "scenario.yaml", "")
@@ -23,12 +23,15 @@ def taken(text):
     return found, [node.spec.tag for node in binding.all_nodes() if not node.spec.kind.is_leaf]
 
 
-def test_each_node_stands_where_its_tag_stands():
-    assert taken("{Both: Fallback, Twice: Inverter}") == ([], ["Fallback", "Inverter", "Fallback"])
+def test_replacement_is_applied_to_each_node_of_its_tag():
+    assert apply_replacements("{Both: Fallback, Twice: Inverter}") == (
+        [],
+        ["Fallback", "Inverter", "Fallback"],
+    )
 
 
-def test_a_tag_that_another_tree_has_may_be_spoken_of():
-    assert taken("{Rare: Inverter, Twice: Inverter}") == ([], ["Both", "Inverter", "Both"])
+def test_tag_of_another_tree_may_have_replacement():
+    assert apply_replacements("{Rare: Inverter, Twice: Inverter}") == ([], ["Both", "Inverter", "Both"])
 
 
 @pytest.mark.parametrize(
@@ -45,5 +48,5 @@ def test_a_tag_that_another_tree_has_may_be_spoken_of():
         ("{Twice: Both}", ("unknown-node", 9, None)),
     ],
 )
-def test_what_cannot_be_is_found_where_it_is_written(text, finding):
-    assert taken(text)[0] == [finding]
+def test_invalid_replacement_is_reported_with_location(text, finding):
+    assert apply_replacements(text)[0] == [finding]

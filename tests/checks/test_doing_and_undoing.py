@@ -1,4 +1,4 @@
-"""What is done and undone before a leaf that needed it."""
+"""Tests of effects that are undone before the leaf that needs them."""
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -10,14 +10,14 @@ from sar_compiler.nodes.registry import load_registry
 from tests.trees import forest
 
 
-class Told(Behaviour):
-    """A leaf of which the answers are known."""
+class StubLeaf(Behaviour):
+    """A leaf that is never ticked."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
 
     def update(self) -> Status:
-        """Answer what nobody asks for here."""
+        """Fail, because the tree is not run."""
         raise AssertionError
 
 
@@ -28,22 +28,22 @@ def leaf(tag, reads=(), writes=()):
 
 
 @leaf("Open", writes=["door"])
-class Open(Told):
+class Open(StubLeaf):
     """Opens the door."""
 
 
 @leaf("Shut", writes=["door"])
-class Shut(Told):
+class Shut(StubLeaf):
     """Shuts the door."""
 
 
 @leaf("Enter", reads=["door"])
-class Enter(Told):
+class Enter(StubLeaf):
     """Goes through the door."""
 
 
 @leaf("Look", reads=["light"])
-class Look(Told):
+class Look(StubLeaf):
     """Looks around."""
 
 
@@ -58,10 +58,10 @@ UNDONE = "'Enter' needs the effect of 'Open', but 'Shut' (line 3) undoes this ef
 
 
 @pytest.mark.parametrize("between", ["", "<Look/>", "<Fallback><Look/><AlwaysSuccess/></Fallback>"])
-def test_what_is_undone_before_it_is_used_is_found_also_if_something_else_is_looked_at_between(between):
+def test_effect_undone_before_use_is_reported(between):
     assert UNDONE in found(f"<Open/>{between}<Shut/><Enter/>")
 
 
 @pytest.mark.parametrize("between", ["<Enter/>", "<Inverter><Enter/></Inverter>"])
-def test_what_was_used_may_be_undone(between):
+def test_effect_undone_after_use_is_not_reported(between):
     assert found(f"<Open/>{between}<Shut/><Enter/>") == []

@@ -1,4 +1,4 @@
-"""The event is the same, whoever tells of it: a simulated run, a tree that is ticked live, the proof."""
+"""Tests that a simulated run, a live run and the proof report the same events."""
 
 import contextlib
 import random
@@ -23,7 +23,7 @@ TICKS = 6
 
 
 class ByChance:
-    """Answers by chance."""
+    """A policy that chooses random outcomes."""
 
     def __init__(self, seed):
         self._random = random.Random(seed)  # noqa: S311 - the same in every run
@@ -32,8 +32,8 @@ class ByChance:
         return self._random.choice(options)
 
 
-class Again:
-    """Answers what events say, in their order."""
+class ReplayPolicy:
+    """A policy that chooses the outcomes of recorded events, in their order."""
 
     def __init__(self, events):
         self._answers = [event for event in events if event.what == RETURNED]
@@ -45,11 +45,11 @@ class Again:
 
 
 def simulate(binding, policy):
-    """Return a simulated run of some ticks, fewer if one raises, with the statuses of its ticks."""
+    """Return a simulated run of `TICKS` ticks, or fewer if one raises, and the statuses of its ticks."""
     player = ScenarioPlayer(simulated_tree(binding), Scenario())
     player.run.simulated.policy = policy
     numbers = {each.id: number for number, each in enumerate(pre_order(player.run.simulated.root))}
-    with contextlib.suppress(Exception):  # scripts of random trees go wrong
+    with contextlib.suppress(Exception):  # scripts of random trees may raise
         for _ in range(TICKS):
             player.tick()
     return player.run, [
@@ -57,8 +57,8 @@ def simulate(binding, policy):
     ]
 
 
-def fly(binding, policy, times):
-    """Yield the events of a tree that is ticked live at some times, tick by tick."""
+def run_live(binding, policy, times):
+    """Tick a live tree at the given times, and yield the events of each tick."""
     simulated = simulated_tree(binding)
     simulated.policy = policy
     live = LiveTree(simulated.root, is_strict=True)
@@ -72,7 +72,7 @@ def fly(binding, policy, times):
 
 
 def prove(binding):
-    """Yield what the proof knows of the ticks that a flight may be in; it is sent the events of the flight's tick."""
+    """Receive the events of each tick of a run, and yield whether the proof has a possible tick with these events."""
     stepper = TreeStepper(
         PreparedTree.prepare(simulated_tree(binding)), without_properties().rules, meets=False
     )
@@ -87,29 +87,29 @@ def prove(binding):
 
 
 def timeless(events):
-    """Return events as a proof has them, which knows neither when a tick is nor which one."""
+    """Return events as in a proof, which knows neither the time nor the number of a tick."""
     return tuple(event._replace(tick=0, time_sec=None) for event in events)
 
 
 @pytest.mark.parametrize("binding", trees(range(300, 300 + rounds(25))))
-def test_the_events_of_a_run_lead_to_its_statuses_again(binding):
+def test_replayed_events_of_run_give_same_statuses(binding):
     run, statuses = simulate(binding, ByChance(1))
-    again, statuses_again = simulate(binding, Again(run.events))
+    again, statuses_again = simulate(binding, ReplayPolicy(run.events))
     assert list(again.events) == list(run.events)
     assert statuses_again == statuses
 
 
 @pytest.mark.parametrize("binding", trees(range(400, 400 + rounds(25))))
-def test_a_simulated_run_a_live_one_and_the_proof_tell_of_the_same_answers_by_the_same_events(binding):
+def test_simulation_live_run_and_proof_have_same_events(binding):
     run, _ = simulate(binding, ByChance(2))
-    flight = fly(binding, ByChance(2), [tick.time_sec for tick in run.ticks])
-    assert list(flight) == [tick.events for tick in run.ticks]
+    live = run_live(binding, ByChance(2), [tick.time_sec for tick in run.ticks])
+    assert list(live) == [tick.events for tick in run.ticks]
     proof = prove(binding)
     next(proof)
     assert all(proof.send(timeless(tick.events)) for tick in run.ticks)
 
 
-def test_an_event_says_which_answer_it_was_where_when_and_what_it_has_changed():
+def test_event_has_outcome_node_time_and_changed_facts():
     (tick,) = played("until: zones_left == 2", "<Sequence><NavigateToZone/><AdvanceZone/></Sequence>").ticks
     assert tick.events[3] == Event(
         ("Sequence", "AdvanceZone"), 2, RETURNED, "SUCCESS", "advanced", (("zones_left", 2),), 1, 0.0
@@ -117,8 +117,8 @@ def test_an_event_says_which_answer_it_was_where_when_and_what_it_has_changed():
     assert tick.events[-1] == Event(("Sequence",), 0, TICKED, "SUCCESS", tick=1, time_sec=0.0)
 
 
-def test_what_a_script_between_two_answers_writes_is_seen_by_the_second():
-    """Else what an answer changes would be concluded from the state in which the tick began."""
+def test_outcome_sees_value_written_by_script_in_same_tick():
+    """The changes of an outcome are not computed from the state at the start of the tick."""
     found = verified(
         '<Sequence><Script code="n := 0"/><X/><Script code="n := 2"/><X/><Y/></Sequence>',
         "outcomes: {X: [{status: SUCCESS, then: f = n + 1}]}\nproperties: {none: {never: Y counted}}",
@@ -128,7 +128,7 @@ def test_what_a_script_between_two_answers_writes_is_seen_by_the_second():
     assert [event.tick for event in answers] == [1, 1, 1]
 
 
-def test_a_leaf_that_goes_on_does_not_start_again():
+def test_running_leaf_does_not_start_again():
     run = played("ticks: 2\nleaves: {NavigateToZone: RUNNING}")
     assert [event.action for event in run.events if event.leaf == "NavigateToZone"] == [
         STARTED,

@@ -1,4 +1,4 @@
-"""Parts of scripts that raise whatever the variables hold, and statements that do nothing, are findings."""
+"""Tests of findings about parts of scripts that raise for all values of the variables, and about statements without effect."""
 
 import hypothesis.strategies as st
 import pytest
@@ -16,7 +16,7 @@ from tests.trees import forest
 
 CODES = {"failing-script", "idle-statement"}
 VALUES = (0, 1, 7, 1.0, -2.5, 1e300, "", "1", "text")
-"""What a variable may hold."""
+"""Values of variables."""
 
 
 def found(script, attribute="_onSuccess"):
@@ -29,7 +29,7 @@ def found(script, attribute="_onSuccess"):
     ]
 
 
-# BehaviorTree.CPP 4.8.2 and 4.10 raise at the tick of each of these.
+# BehaviorTree.CPP 4.8.2 and 4.10 raise when they tick any of these.
 @pytest.mark.parametrize(
     ("script", "column"),
     [
@@ -47,12 +47,12 @@ def found(script, attribute="_onSuccess"):
         ("x := y ? 'b' * 2 : ('a' - 1)", 10),
     ],
 )
-def test_what_always_raises_is_a_finding_at_its_part(script, column):
+def test_part_that_always_raises_is_error_at_its_location(script, column):
     assert found(script)[:1] == [("failing-script", column)]
     assert set(severities(script)) == {Severity.ERROR}
 
 
-# BehaviorTree.CPP calculates only the branch that it takes.
+# BehaviorTree.CPP evaluates only the chosen branch.
 @pytest.mark.parametrize(
     "script",
     [
@@ -62,12 +62,12 @@ def test_what_always_raises_is_a_finding_at_its_part(script, column):
         "x := y ? z ? 1 : -'a' : 2",
     ],
 )
-def test_an_error_in_a_branch_that_may_never_be_taken_is_a_warning(script):
+def test_error_in_branch_of_choice_is_warning(script):
     assert set(severities(script)) == {Severity.WARNING}
 
 
 @pytest.mark.parametrize("script", ["'abc'", "2", "0 - 1", "x .. 'a'"])
-def test_a_condition_that_is_neither_true_nor_false_always_raises(script):
+def test_condition_that_is_neither_true_nor_false_always_raises(script):
     assert found(script, "_skipIf") == [("failing-script", 1)]
     assert found(f"y := {script}") == []
 
@@ -85,7 +85,7 @@ def test_a_condition_that_is_neither_true_nor_false_always_raises(script):
         "x += 'a'",
     ],
 )
-def test_what_may_be_calculated_is_no_finding(script):
+def test_script_that_may_succeed_has_no_findings(script):
     assert found(script) == []
 
 
@@ -93,16 +93,16 @@ def test_what_may_be_calculated_is_no_finding(script):
     ("script", "columns"),
     [("x := 1;2;3", [8]), ("x == 1", [1]), ("x; y := 1; 2; 3; z := 4; z", [1, 12, 26]), ("'1;2;3'", [1])],
 )
-def test_statements_whose_value_goes_nowhere_are_findings_once_in_a_row(script, columns):
+def test_consecutive_idle_statements_are_one_finding(script, columns):
     assert found(script) == [("idle-statement", column) for column in columns]
 
 
-def test_the_last_value_of_a_condition_is_its_answer():
+def test_last_statement_of_condition_is_not_idle():
     assert found("x := 1; x == 1", "_skipIf") == []
     assert found("y; x == 1", "_skipIf") == [("idle-statement", 1)]
 
 
-def test_a_script_of_many_ranks_is_seen_once():
+def test_deeply_nested_script_has_one_finding():
     assert found("x := " + "(" * 60 + "'a' * 2" + ") + 1" * 60) == [("failing-script", 66)]
 
 
@@ -136,7 +136,7 @@ def raises(script, x, y):
 
 @settings(max_examples=rounds(100))
 @given(PART)
-def test_what_is_said_to_raise_raises_with_all_values_and_of_constants_everything_that_raises_is_said(text):
+def test_certain_errors_raise_for_all_values_and_cover_constant_scripts(text):
     script = parse(text)
     is_raised = bool(find_certain_errors(script, is_condition=True)[0])
     runs = [raises(script, x, y) for x in VALUES for y in VALUES]

@@ -1,4 +1,4 @@
-"""What `--fix` mends, what it leaves to people, and that it changes nothing else."""
+"""Tests of `--fix`: it fixes unambiguous errors, and changes nothing else."""
 
 import json
 import re
@@ -11,7 +11,7 @@ from sar_compiler.tree.guessing import is_typo
 from tests.cli.test_validate import SARIF
 from tests.trees import document
 
-MENDED = {
+FIXED = {
     "a special attribute in the wrong case": (
         '<NavigateToZone _skipif="true"/>',
         '<NavigateToZone _skipIf="true"/>',
@@ -49,7 +49,7 @@ MENDED = {
         "<ScriptCondition code='@a == &apos;x&apos;'/>",
     ),
 }
-LEFT = {
+NOT_FIXED = {
     "a tag": "<NavigateToZne/>",
     "a leaf's attribute that is only near": '<Retry num_failure="2"><NavigateToZone/></Retry>',
     "a number with a unit": '<Timeout duration="60 sec"><NavigateToZone/></Timeout>',
@@ -66,9 +66,9 @@ def fix(path):
     return main(["validate", "--fix", str(path)])
 
 
-@pytest.mark.parametrize("name", MENDED)
-def test_a_plain_slip_is_mended(name, tmp_path, capsys):
-    wrong, right = MENDED[name]
+@pytest.mark.parametrize("name", FIXED)
+def test_typo_is_fixed(name, tmp_path, capsys):
+    wrong, right = FIXED[name]
     path = tmp_path / "tree.xml"
     path.write_text(document(wrong), encoding="utf-8")
     assert fix(path) == 0
@@ -76,16 +76,16 @@ def test_a_plain_slip_is_mended(name, tmp_path, capsys):
     assert "fixed[" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", LEFT)
-def test_what_could_be_something_else_is_left_to_people(name, tmp_path, capsys):
+@pytest.mark.parametrize("name", NOT_FIXED)
+def test_ambiguous_error_is_not_fixed(name, tmp_path, capsys):
     path = tmp_path / "tree.xml"
-    path.write_text(document(LEFT[name]), encoding="utf-8")
+    path.write_text(document(NOT_FIXED[name]), encoding="utf-8")
     assert fix(path) == 1
-    assert path.read_text(encoding="utf-8") == document(LEFT[name])
+    assert path.read_text(encoding="utf-8") == document(NOT_FIXED[name])
     assert "fixed[" not in capsys.readouterr().out
 
 
-def test_what_was_mended_is_said_with_its_place(tmp_path, capsys):
+def test_fix_is_reported_with_location(tmp_path, capsys):
     path = tmp_path / "tree.xml"
     path.write_text(document('<NavigateToZone _onsuccess="@goal := 1"/>'), encoding="utf-8")
     fix(path)
@@ -93,7 +93,7 @@ def test_what_was_mended_is_said_with_its_place(tmp_path, capsys):
     assert out.startswith(f"{path}:3:17: fixed[unknown-attribute]: _onsuccess -> _onSuccess\n")
 
 
-def test_fixing_twice_changes_nothing_more(tmp_path, capsys):
+def test_second_fix_changes_nothing(tmp_path, capsys):
     path = tmp_path / "tree.xml"
     path.write_text(
         document('<Sequence memroy="ture"><Xyzzy/><LogNoDetection/></Sequence>'), encoding="utf-8"
@@ -142,7 +142,7 @@ IN_YAML = {
 
 
 @pytest.mark.parametrize("name", IN_YAML)
-def test_yaml_is_mended_where_it_stands(name, tmp_path):
+def test_yaml_is_fixed_in_place(name, tmp_path):
     node, wrong, right = IN_YAML[name]
     path = tmp_path / "tree.yaml"
     path.write_bytes(YAML.format(node).encode())
@@ -150,7 +150,7 @@ def test_yaml_is_mended_where_it_stands(name, tmp_path):
     assert path.read_bytes().decode() == YAML.format(node.replace(wrong, right, 1))
 
 
-def test_a_plain_text_that_would_be_something_else_gets_quotes(tmp_path):
+def test_plain_yaml_scalar_gets_quotes_if_fix_requires_them(tmp_path):
     node = "Timeout:\r\n              duration: {}\r\n              children: [NavigateToBase]"
     path = tmp_path / "tree.yaml"
     path.write_bytes(YAML.format(node.format("patience}")).encode())
@@ -162,7 +162,7 @@ def test_a_plain_text_that_would_be_something_else_gets_quotes(tmp_path):
     ("encoding", "declared", "mark"),
     [("utf-8", "", b"\xef\xbb\xbf"), ("utf-16-le", "", b"\xff\xfe"), ("iso-8859-1", "ISO-8859-1", b"")],
 )
-def test_encoding_mark_and_line_ends_stay(encoding, declared, mark, tmp_path):
+def test_encoding_byte_order_mark_and_line_ends_are_kept(encoding, declared, mark, tmp_path):
     head = f'<?xml version="1.0" encoding="{declared}"?>' if declared else ""
     text = head + document('<!-- Straße -->\r\n<NavigateToZone\t_skipif = "true" />').replace("\n", "\r\n")
     path = tmp_path / "tree.xml"
@@ -172,14 +172,14 @@ def test_encoding_mark_and_line_ends_stay(encoding, declared, mark, tmp_path):
 
 
 def offset(text, line, column):
-    """Return the offset of a place in a text, whose columns count units of UTF-16."""
+    """Return the offset of a location in a text, whose columns count UTF-16 units."""
     start = [0, *(end.end() for end in re.finditer("\r\n|\r|\n", text))][line - 1]
     units = text[start:].encode("utf-16-le")[: 2 * (column - 1)]
     return start + len(units.decode("utf-16-le"))
 
 
 def apply_sarif(path, capsys):
-    """Apply the fixes of a log as a program does that knows the standard alone; return whether there were any."""
+    """Apply the fixes of a SARIF log according to the standard; return whether there were any."""
     capsys.readouterr()
     main(["validate", "--no-deep", "--format", "sarif", str(path)])
     log = json.loads(capsys.readouterr().out)
@@ -201,7 +201,7 @@ def apply_sarif(path, capsys):
 
 
 SARIF_FILES = {
-    **{f"{name}.xml": document(f"<!-- \U0001f600 -->{wrong}") for name, (wrong, _) in MENDED.items()},
+    **{f"{name}.xml": document(f"<!-- \U0001f600 -->{wrong}") for name, (wrong, _) in FIXED.items()},
     **{f"{name}.yaml": YAML.format(node) for name, (node, *_) in IN_YAML.items()},
     "several in a line.xml": document(
         '<Sequence name="\U0001f600" memroy="ture"><NavigateToZone _skipif="true"/></Sequence>'
@@ -212,7 +212,7 @@ SARIF_FILES = {
 
 
 @pytest.mark.parametrize("name", SARIF_FILES)
-def test_the_fixes_of_sarif_give_the_bytes_that_fix_writes(name, tmp_path, capsys):
+def test_sarif_fixes_give_same_bytes_as_fix_option(name, tmp_path, capsys):
     path, other = tmp_path / name, tmp_path / f"other {name}"
     path.write_bytes(SARIF_FILES[name].encode())
     other.write_bytes(SARIF_FILES[name].encode())
@@ -224,7 +224,7 @@ def test_the_fixes_of_sarif_give_the_bytes_that_fix_writes(name, tmp_path, capsy
     assert bool(rounds) == (name != "left.xml")
 
 
-def test_an_included_file_that_is_not_named_is_not_touched(tmp_path, capsys):
+def test_included_file_that_is_not_named_is_not_changed(tmp_path, capsys):
     inner = document('<NavigateToZone _skipif="true"/>', main="Inner")
     (tmp_path / "inner.xml").write_text(inner, encoding="utf-8")
     outer = document('<SubTree ID="Inner"/>').replace("<Beh", '<include path="inner.xml"/><Beh')
@@ -249,5 +249,5 @@ def test_an_included_file_that_is_not_named_is_not_touched(tmp_path, capsys):
         ("if", "ID", False),
     ],
 )
-def test_a_slip_is_one_letter_or_two_that_are_swapped(written, meant, slip):
+def test_typo_is_one_letter_or_two_swapped_letters(written, meant, slip):
     assert is_typo(written, meant) is slip

@@ -1,4 +1,4 @@
-"""A rule that fails on a tree is a finding about it; the other rules and the other files are told as ever."""
+"""Tests of internal errors: a rule that fails on a tree is a finding, and other rules and files are still reported."""
 
 import json
 
@@ -13,11 +13,11 @@ from sar_compiler.writing import WriteError
 from tests.trees import document, forest
 
 NEEDLESS = document("<Sequence><AlwaysSuccess/></Sequence>")
-TWO_SLIPS = "<Sequence>\n<Sucess/>\n<Retry><AlwaysSuccess/></Retry>\n</Sequence>"
+TWO_ERRORS = "<Sequence>\n<Sucess/>\n<Retry><AlwaysSuccess/></Retry>\n</Sequence>"
 
 
 def check_badly(context):
-    """Yield what is wrong with each tree, and fail on its first node."""
+    """Fail on the first node of each tree."""
     yield from ()
     for tree in context.trees:
         _fail_on(tree.nodes[0])
@@ -28,7 +28,7 @@ def _fail_on(bound):
 
 
 def check_bound(context):
-    """Fail as every rule does that needs what fails."""
+    """Fail with the same error as another rule."""
     return list(_fail_on(context.trees[0].nodes[0]))
 
 
@@ -42,25 +42,25 @@ def found(text):
 
 
 @pytest.mark.usefixtures("failing")
-def test_a_rule_that_fails_is_a_finding_at_the_node_that_it_looked_at_and_the_others_go_on():
-    assert found(TWO_SLIPS) == [("internal-error", 3), ("unknown-node", 4), ("missing-attribute", 5)]
+def test_failing_rule_is_finding_at_its_node_and_other_rules_run():
+    assert found(TWO_ERRORS) == [("internal-error", 3), ("unknown-node", 4), ("missing-attribute", 5)]
 
 
 @pytest.mark.usefixtures("failing")
-def test_the_finding_names_the_rule_the_error_and_its_place():
-    finding, *_ = check(forest(TWO_SLIPS), default_registry())
+def test_finding_names_rule_error_and_location():
+    finding, *_ = check(forest(TWO_ERRORS), default_registry())
     error = "the rule check_badly raised an error at this element: IndexError: list index out of range"
     assert finding.message == f"{error} (test_internal_errors.py, in _fail_on)"
     assert "report this error" in finding.advice
 
 
-def test_what_fails_for_several_rules_alike_is_told_once(monkeypatch):
+def test_same_error_in_several_rules_is_reported_once(monkeypatch):
     monkeypatch.setattr(checks, "RULES", (check_badly, check_bound, *checks.RULES))
     assert [code for code, _ in found("<AlwaysSuccess/>")] == ["internal-error"]
 
 
 @pytest.mark.usefixtures("failing")
-def test_validate_tells_all_else_and_ends_with_status_3(tmp_path, capsys):
+def test_validate_reports_other_findings_and_ends_with_status_3(tmp_path, capsys):
     for name in ("a.xml", "b.xml"):
         (tmp_path / name).write_text(NEEDLESS)
     assert main(["validate", str(tmp_path), "--format", "json"]) == 3
@@ -69,9 +69,7 @@ def test_validate_tells_all_else_and_ends_with_status_3(tmp_path, capsys):
     assert codes == [(name, code) for name in ("a.xml", "b.xml") for code in each]
 
 
-def test_a_file_that_cannot_even_be_read_because_of_us_does_not_silence_the_others(
-    tmp_path, capsys, monkeypatch
-):
+def test_internal_error_while_loading_file_does_not_hide_other_files(tmp_path, capsys, monkeypatch):
     def load_all_but_one(path, *others):
         if path.name == "a.xml":
             message = "a surprise"
@@ -90,20 +88,20 @@ def test_a_file_that_cannot_even_be_read_because_of_us_does_not_silence_the_othe
 
 
 @pytest.mark.usefixtures("failing")
-def test_no_comment_makes_a_failed_rule_unseen(tmp_path):
+def test_comment_cannot_suppress_internal_error(tmp_path):
     file = tmp_path / "a.xml"
     file.write_text(NEEDLESS.replace("<Sequence>", "<!-- sar: allow internal-error -->\n<Sequence>"))
     assert main(["validate", str(file)]) == 3
 
 
-def test_children_that_are_unknown_are_no_trouble_for_the_rules_about_their_parent():
+def test_unknown_children_do_not_break_rules_about_parent():
     assert found("<TryCatch><AlwaysFailure/>\n<TestA/>\n<TestB/></TryCatch>") == [
         ("unknown-node", 4),
         ("unknown-node", 5),
     ]
 
 
-def test_a_value_that_is_wrong_is_no_trouble_for_the_rules_about_keys():
+def test_wrong_value_does_not_break_rules_about_keys():
     wrong = '<CheckBlackboardVariableValues checks="1" operator="and" namespace="{a}"/>'
     assert found(f'<Sequence>\n<SubTree ID="B" a="x"/>\n{wrong}\n</Sequence>') == [
         ("unknown-tree", 4),
@@ -114,7 +112,7 @@ def test_a_value_that_is_wrong_is_no_trouble_for_the_rules_about_keys():
 OWN = "tests.analysis.verify.own_controls"
 
 
-def test_a_users_function_that_raises_is_a_finding_of_its_file_and_the_others_are_told(tmp_path, capsys):
+def test_failing_custom_function_is_finding_and_others_are_reported(tmp_path, capsys):
     (tmp_path / "a.xml").write_text(document("<Sequence>\n<OwnSlip><Success/></OwnSlip>\n</Sequence>"))
     (tmp_path / "b.xml").write_text(NEEDLESS)
     assert main(["validate", "--nodes", OWN, str(tmp_path), "--format", "json"]) == 1
@@ -123,11 +121,11 @@ def test_a_users_function_that_raises_is_a_finding_of_its_file_and_the_others_ar
     assert ("b.xml", 3, "needless-node") in told
 
 
-SLIP = document('<AlwaysSuccess naem="x"/>')
-MENDED = document('<AlwaysSuccess name="x"/>')
+TYPO = document('<AlwaysSuccess naem="x"/>')
+FIXED = document('<AlwaysSuccess name="x"/>')
 
 
-def test_a_fix_that_fails_does_not_keep_the_other_files_from_being_mended(tmp_path, capsys, monkeypatch):
+def test_failing_fix_does_not_prevent_fixes_of_other_files(tmp_path, capsys, monkeypatch):
     def each_fix_but_one(source, *others):
         if source.path.endswith("a.xml"):
             message = "a surprise"
@@ -138,17 +136,15 @@ def test_a_fix_that_fails_does_not_keep_the_other_files_from_being_mended(tmp_pa
     monkeypatch.setattr(fixing, "each_fix", each_fix_but_one)
     files = [tmp_path / name for name in ("a.xml", "b.xml")]
     for file in files:
-        file.write_text(SLIP)
+        file.write_text(TYPO)
     assert main(["validate", "--fix", *map(str, files), "--format", "github"]) == 3
-    assert [file.read_text() for file in files] == [SLIP, MENDED]
+    assert [file.read_text() for file in files] == [TYPO, FIXED]
     output = capsys.readouterr().out
     assert "the fixing of this file failed: RuntimeError: a surprise" in output
     assert "unknown-attribute" in output
 
 
-def test_a_file_that_cannot_be_written_does_not_keep_the_others_from_being_mended(
-    tmp_path, capsys, monkeypatch
-):
+def test_unwritable_file_does_not_prevent_fixes_of_other_files(tmp_path, capsys, monkeypatch):
     def write_all_but_one(path, data):
         if path.name == "a.xml":
             message = f"cannot write {path}: it is in a museum"
@@ -158,9 +154,9 @@ def test_a_file_that_cannot_be_written_does_not_keep_the_others_from_being_mende
     monkeypatch.setattr("sar_compiler.writing.write_bytes", write_all_but_one)
     files = [tmp_path / name for name in ("a.xml", "b.xml")]
     for file in files:
-        file.write_text(SLIP)
+        file.write_text(TYPO)
     assert main(["validate", "--fix", *map(str, files)]) == 2
-    assert [file.read_text() for file in files] == [SLIP, MENDED]
+    assert [file.read_text() for file in files] == [TYPO, FIXED]
     output = capsys.readouterr()
     assert "it is in a museum" in output.err
     assert "a.xml:3:16: error[unknown-attribute]" in output.out

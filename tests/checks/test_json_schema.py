@@ -1,4 +1,4 @@
-"""The schema for YAML: committed as it is generated, and never stricter than the rules."""
+"""Tests of the JSON schema for YAML: the committed file is up to date, and the schema is never stricter than the rules."""
 
 import json
 import re
@@ -31,7 +31,7 @@ VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
 
 
 def errors(text):
-    """Return where the schema refuses a file in YAML, as a YAML reader of no special kind sees it."""
+    """Return the paths at which the schema rejects a YAML file that is read by a standard YAML reader."""
     return [list(error.absolute_path) for error in VALIDATOR.iter_errors(yaml.safe_load(text))]
 
 
@@ -44,18 +44,18 @@ def in_a_tree(*nodes):
     return yaml.safe_dump({"root": {"BTCPP_format": 4, "children": [{"BehaviorTree": tree}]}})
 
 
-def test_the_committed_schema_is_the_one_that_the_registry_generates():
+def test_committed_schema_equals_generated_schema():
     committed = Path("schemas/sar_tree.schema.json").read_text(encoding="utf-8")
     assert json.loads(committed) == SCHEMA, "make schemas"
 
 
-def test_it_is_a_schema():
+def test_schema_is_valid_json_schema():
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
 
 
 FRAGMENT = re.compile(r"#(?:[A-Za-z0-9\-._~!$&'()*+,;=:@/?]|%[0-9A-F]{2})*")
-"""A reference to a place of the same document (RFC 3986)."""
-OF_ANOTHER_SCRIPT = NodeSpec("Überflug", None, Kind.ACTION, signature=Signature({}))
+"""A reference within the same document (RFC 3986)."""
+NON_ASCII_NODE = NodeSpec("Überflug", None, Kind.ACTION, signature=Signature({}))
 
 
 def references_in(part):
@@ -68,13 +68,13 @@ def references_in(part):
 
 
 def target_of(reference, schema):
-    """Return what a reference leads to."""
+    """Return the target of a reference."""
     resource = referencing.Resource.from_contents(schema)
     return referencing.Registry().with_resource("", resource).resolver().lookup(reference).contents
 
 
-def test_every_reference_is_a_uri_that_leads_to_a_definition():
-    schema = json_schema(Registry([*default_registry().specs(), OF_ANOTHER_SCRIPT]))
+def test_every_reference_is_uri_of_definition():
+    schema = json_schema(Registry([*default_registry().specs(), NON_ASCII_NODE]))
     references = set(references_in(schema))
     assert "#/$defs/tag.%C3%9Cberflug" in references
     assert len(references) > 100
@@ -88,13 +88,13 @@ def test_shipped_trees_are_valid(path):
 
 
 @pytest.mark.parametrize("path", sorted(Path("examples").glob("*/*.xml")), ids=str)
-def test_the_examples_need_leaves_of_their_own_at_most(path):
+def test_examples_have_errors_only_at_children(path):
     found = errors(convert(read_tree_file(path), Form.YAML).text)
     assert all(place[-1] == "children" or isinstance(place[-1], int) for place in found)
 
 
 @pytest.mark.parametrize("name", sorted(CORRECT))
-def test_what_is_correct_is_valid(name):
+def test_schema_accepts_correct_trees(name):
     assert errors(as_yaml(document(CORRECT[name]))) == []
 
 
@@ -112,11 +112,11 @@ def test_what_is_correct_is_valid(name):
     ],
     ids=str,
 )
-def test_what_is_wrong_is_refused_at_its_place(node, place):
+def test_schema_rejects_error_at_its_location(node, place):
     assert errors(in_a_tree(node)) == [["root", "children", 0, "BehaviorTree", "children", 0, *place]]
 
 
-JUDGED_ALIKE = [
+AGREED_CASES = [
     "Success: {children: []}",
     "Sleep: {msec: 5, children: []}",
     "Action: {ID: Success, children: []}",
@@ -139,8 +139,8 @@ JUDGED_ALIKE = [
 ]
 
 
-@pytest.mark.parametrize("node", JUDGED_ALIKE)
-def test_the_schema_and_the_rules_are_of_one_mind(node):
+@pytest.mark.parametrize("node", AGREED_CASES)
+def test_schema_and_rules_agree(node):
     text = in_a_tree(yaml.safe_load(node))
     findings = check(Forest.from_file(parse_yaml(text, "test.yaml")), default_registry())
     refused = any(finding.severity is Severity.ERROR for finding in findings)
@@ -157,26 +157,26 @@ def test_the_schema_and_the_rules_are_of_one_mind(node):
         "root: {children: [BehaviorTree: {ID: A, children: [Success, Success]}]}",
     ],
 )
-def test_what_has_no_node_where_one_must_be_is_refused_by_both(text):
+def test_schema_and_rules_reject_wrong_number_of_trees_or_nodes(text):
     assert errors(text)
     assert check(Forest.from_file(parse_yaml(text, "test.yaml")), default_registry())
 
 
-def test_an_unknown_attribute_is_named():
+def test_unknown_attribute_is_named():
     text = in_a_tree({"Sequence": {"memroy": True, "children": ["Success"]}})
     (error,) = VALIDATOR.iter_errors(yaml.safe_load(text))
     assert "'memroy'" in error.message
 
 
 @given(ELEMENTS)
-def test_the_schema_refuses_nothing_that_the_rules_let_pass(element):
+def test_schema_accepts_everything_that_rules_accept(element):
     forest = Forest.from_file(parse_xml(document(written(element))))
     if not [finding for rule in RULES for finding in rule(CheckContext(forest, default_registry()))]:
         assert errors(as_yaml(document(written(element)))) == []
         assert check(forest, default_registry()) == []
 
 
-def test_an_editor_shows_what_a_bare_tag_means_and_what_any_node_may_have():
+def test_schema_describes_bare_tags_and_common_attributes():
     bare = SCHEMA["$defs"]["node"]["then"]
     assert dict(zip(bare["enum"], bare["enumDescriptions"], strict=True))["Sleep"] == "Waits, then succeeds."
     common = SCHEMA["$defs"]["tag.Sleep"]["properties"]
@@ -185,7 +185,7 @@ def test_an_editor_shows_what_a_bare_tag_means_and_what_any_node_may_have():
         assert SCHEMA["$defs"][name]["description"]
 
 
-def test_fields_of_ros_leaves_may_be_a_mapping_and_other_attributes_may_not():
+def test_only_fields_of_ros_leaves_may_be_mappings():
     validator = jsonschema.Draft202012Validator(json_schema(load_registry(palettes=["ros:jazzy"])))
 
     def is_valid(**attributes):

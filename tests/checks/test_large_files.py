@@ -1,4 +1,4 @@
-"""Large files: what is done for them grows as they do, whatever is in them. Calls are counted; no clock is asked."""
+"""Tests that the effort for large files grows linearly with their size. Effort is the number of calls, not the time."""
 
 import itertools
 import sys
@@ -23,7 +23,7 @@ from tests.trees import forest_of
 
 SIZE = 100
 MOST_GROWTH = 2.3
-"""How many times as many calls twice the size may take; what grows with the square takes up to four times as many."""
+"""The allowed ratio of calls for twice the size. Quadratic effort would have a ratio of up to four."""
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ MOST_GROWTH = 2.3
     ["x" * 3_000_000, "{" * 3_000_000, "${" + "x" * 3_000_000, "1" * 3_000_000, "1 " * 1_000_000],
     ids=["letters", "braces", "a key", "digits", "numbers"],
 )
-def test_a_value_as_long_as_a_file_is_told_in_a_few_words(value):
+def test_very_long_value_has_short_message(value):
     (finding,) = check(forest_of(document(f'<Sleep msec="{value}"/>')), default_registry())
     assert finding.code == "wrong-value"
     assert len(finding.message) < 1000
@@ -54,18 +54,18 @@ def attributes(count: int, form: str) -> str:
 
 
 def each(form: str) -> Callable[[int], str]:
-    """Return a tree of a number of nodes in one sequence, with a number in each."""
+    """Return a function that makes a sequence of numbered nodes."""
     return lambda count: sequence(form.format(number) for number in range(count))
 
 
-def alternately(*forms: str) -> Callable[[int], str]:
+def alternating(*forms: str) -> Callable[[int], str]:
     return lambda count: sequence(
         form.format(number // len(forms)) for number, form in zip(range(count), itertools.cycle(forms))
     )
 
 
 def subtrees(use: str, tree: str, tree_id: str = "T{0}") -> Callable[[int], str]:
-    """Return a number of subtrees, each with a tree of its own."""
+    """Return a function that makes a sequence of subtrees, each with its own tree."""
 
     def text(count: int) -> str:
         trees = [another(tree.format(number), tree_id.format(number)) for number in range(count)]
@@ -75,22 +75,22 @@ def subtrees(use: str, tree: str, tree_id: str = "T{0}") -> Callable[[int], str]
 
 
 def another(body: str, tree_id: str) -> str:
-    """Return the end of a tree, and another one up to its own end."""
+    """Return the end of a tree, and another tree up to its end."""
     return f'</BehaviorTree>\n<BehaviorTree ID="{tree_id}">\n{body}'
 
 
 def one_subtree(argument: str, read: str) -> Callable[[int], str]:
-    """Return a subtree that is given so many keys, and reads so many."""
+    """Return a function that makes a subtree with a number of arguments and a number of reads."""
     return lambda count: f'<SubTree ID="T" {attributes(count, argument)}/>' + another(each(read)(count), "T")
 
 
 def one_script(statement: str) -> Callable[[int], str]:
-    """Return a script with a number of statements."""
+    """Return a function that makes a script with a number of statements."""
     return lambda count: f'<Script code="{"; ".join(map(statement.format, range(count)))}"/>'
 
 
 def one(tag: str, attribute: str) -> Callable[[int], str]:
-    """Return an element with a number of attributes."""
+    """Return a function that makes an element with a number of attributes."""
     return lambda count: f"<{tag} {attributes(count, attribute)}/>"
 
 
@@ -103,7 +103,7 @@ KINDS: dict[str, Callable[[int], str]] = {
     "unknown attributes of a subtree": one("SubTree", '_foo{0}="1"'),
     "keys of one subtree": one_subtree('x{0}="{0}"', '<ScriptCondition code="x{0} == 1"/>'),
     "keys that one subtree does not use": one_subtree('x{0}="{0}"', '<ScriptCondition code="y{0} == 1"/>'),
-    "mistakes of two kinds": alternately("<Foo/>", '<Delay delay_msec="x"><AlwaysSuccess/></Delay>'),
+    "mistakes of two kinds": alternating("<Foo/>", '<Delay delay_msec="x"><AlwaysSuccess/></Delay>'),
     "mistakes in one line": lambda count: "<Sequence>" + '<AlwaysSuccess x="1"/>' * count + "</Sequence>",
     "unknown tags": each("<Foo{0}/>"),
     "missing attributes": each("<SetBlackboard/>"),
@@ -112,16 +112,16 @@ KINDS: dict[str, Callable[[int], str]] = {
     "trees of one ID": subtrees("<AlwaysSuccess/>", "<AlwaysSuccess/>", "T"),
     "subtrees": subtrees('<SubTree ID="T{0}" x="{{k{0}}}"/>', '<SetBlackboard output_key="x" value="1"/>'),
     "postconditions that nobody reads": each('<AlwaysSuccess _onSuccess="k{0} := 1"/>'),
-    "postconditions that are read": alternately('<AlwaysSuccess _onSuccess="k{0} := 1"/>', READS),
-    "keys": alternately(WRITES, READS),
+    "postconditions that are read": alternating('<AlwaysSuccess _onSuccess="k{0} := 1"/>', READS),
+    "keys": alternating(WRITES, READS),
     "keys in a deep tree": lambda count: balanced(
         (WRITES, READS)[number % 2].format(number // 2) for number in range(count)
     ),
     "keys that are not written": each(READS),
-    "keys that are misspelt": alternately(
+    "keys that are misspelt": alternating(
         '<Script code="key{0} := 1"/>', '<ScriptCondition code="kye{0} == 1"/>'
     ),
-    "one key, written and read in turn": alternately(
+    "one key, written and read in turn": alternating(
         '<Script code="k := 1"/>', '<ScriptCondition code="k == 1"/>'
     ),
     "one key, written again and again, then read": lambda count: sequence(
@@ -143,10 +143,10 @@ KINDS: dict[str, Callable[[int], str]] = {
         sequence([each(WRITES)(count), each('<SubTree ID="T" name="{0}" x="a{0}"/>')(count)])
         + another('<Sleep msec="{x}"/>', "T")
     ),
-    "references": alternately('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="d{0}"/>'),
-    "references to nothing": alternately('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="e{0}"/>'),
-    "references that are not clear": alternately("<DetectSurvivor/>", "<NotifyBase/>"),
-    "leaves that depend on each other": alternately(
+    "references": alternating('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="d{0}"/>'),
+    "references to nothing": alternating('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="e{0}"/>'),
+    "references that are not clear": alternating("<DetectSurvivor/>", "<NotifyBase/>"),
+    "leaves that depend on each other": alternating(
         "<ZonesRemaining/>", "<NavigateToZone/>", "<AdvanceZone/>", "<MissionComplete/>", "<DeliverReports/>"
     ),
     "questions before work, looked at again": lambda count: sequence(
@@ -162,7 +162,7 @@ KINDS: dict[str, Callable[[int], str]] = {
 
 
 def calls(action: Callable[[], object]) -> int:
-    """Return how many functions an action calls, Python's own among them."""
+    """Return the number of function calls of an action, including built-in functions."""
     count = 0
 
     def note(_frame: object, event: str, _argument: object) -> None:
@@ -185,8 +185,8 @@ def document(body: str) -> str:
     )
 
 
-def everything(text: str, *, yaml: bool) -> Callable[[], None]:
-    """Return an action that reads, checks, mends, writes, binds and compiles a file."""
+def all_steps(text: str, *, yaml: bool) -> Callable[[], None]:
+    """Return an action that reads, checks, fixes, writes, binds and compiles a file."""
     read, write = (parse_yaml, write_yaml) if yaml else (parse_xml, write_xml)
     written = write(parse_xml(document(text)))
 
@@ -204,22 +204,22 @@ def everything(text: str, *, yaml: bool) -> Callable[[], None]:
 
 @pytest.fixture(autouse=True)
 def _few_guesses(monkeypatch):
-    """Words are compared with each other as long as that takes little time, which it would in files of this size."""
+    """Reduce the limit of word comparisons, which files of this size would not reach otherwise."""
     monkeypatch.setattr(guessing, "MOST_COMPARED", SIZE)
 
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("yaml", [False, True], ids=["xml", "yaml"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_effort_grows_as_the_file_does(kind, yaml):
-    once, twice = (everything(KINDS[kind](count), yaml=yaml) for count in (SIZE, 2 * SIZE))
-    twice(), once()  # what is remembered from the first time on does not count
+def test_effort_grows_linearly_with_file_size(kind, yaml):
+    once, twice = (all_steps(KINDS[kind](count), yaml=yaml) for count in (SIZE, 2 * SIZE))
+    twice(), once()  # fill the caches, which do not count
     assert calls(twice) < MOST_GROWTH * calls(once)
 
 
 @pytest.mark.parametrize("yaml", [False, True], ids=["xml", "yaml"])
-def test_among_many_attributes_each_is_found_in_its_place(yaml):
-    # Each value looks like the attribute after it.
+def test_each_of_many_attributes_has_its_own_location(yaml):
+    # Each value looks like the next attribute.
     said = [f"a{number}=\"a{number + 1}='{number}'\"" for number in range(30)]
     text = f"<AlwaysSuccess {' '.join(said)}/>"
     read, write = (parse_yaml, write_yaml) if yaml else (parse_xml, write_xml)
@@ -236,7 +236,7 @@ def codes(body: str) -> list[str]:
     return [finding.code for finding in checks.limit_findings(findings)]
 
 
-def test_the_schema_is_silent_while_the_rules_have_more_errors_than_are_shown(monkeypatch):
+def test_schema_adds_no_finding_if_rules_find_more_errors_than_shown(monkeypatch):
     monkeypatch.setattr(checks, "MOST", 3)
     assert codes(each('<Delay delay_msec="x{0}"><AlwaysSuccess/></Delay>')(5)) == [
         *["wrong-value"] * 3,
@@ -244,13 +244,13 @@ def test_the_schema_is_silent_while_the_rules_have_more_errors_than_are_shown(mo
     ]
 
 
-def test_the_schema_is_asked_however_many_warnings_there_are(monkeypatch):
+def test_schema_is_used_despite_many_warnings(monkeypatch):
     monkeypatch.setattr(checks, "MOST", 2)
     found = codes("a stray text" + each("<Sequence><AlwaysSuccess/></Sequence>")(5))
     assert sorted(found) == ["more-findings", "needless-node", "needless-node", "stray-text"]
 
 
-def test_of_more_findings_of_a_kind_than_are_shown_it_is_said_how_many(monkeypatch):
+def test_number_of_hidden_findings_is_reported(monkeypatch):
     monkeypatch.setattr(checks, "MOST", 2)
     body = f'<Sequence>{"<Sucess/>" * 4}<Delay delay_msec="x"><AlwaysSuccess/></Delay></Sequence>'
     findings = checks.limit_findings(check(Forest.from_file(parse_xml(document(body))), default_registry()))
@@ -263,14 +263,14 @@ def test_of_more_findings_of_a_kind_than_are_shown_it_is_said_how_many(monkeypat
     assert findings[2].message == "2 more unknown-node findings are not shown"
 
 
-def test_of_many_names_a_message_lists_the_first():
+def test_message_lists_first_of_many_names():
     assert values.join_with_commas(["a", "b"]) == "a, b"
     assert values.join_with_commas(list("abcdefghij")) == "a, b, c, d, e, f, g, h, i, j"
     assert values.join_with_commas(list("abcdefghijkl")) == "a, b, c, d, e, f, g, h, i, j and 2 more"
     assert values.join_with_commas(list("abcdefghij"), 14) == "a, b, c, d, e, f, g, h, i, j and 4 more"
 
 
-def test_guesses_end_when_too_many_words_have_been_compared(monkeypatch):
+def test_guesses_stop_after_too_many_comparisons(monkeypatch):
     monkeypatch.setattr(guessing, "MOST_COMPARED", 5)
     guesses = guessing.Guesses()
     assert guesses.nearest("speed", ["sped", "zone", "base"]) == "sped"
@@ -279,7 +279,7 @@ def test_guesses_end_when_too_many_words_have_been_compared(monkeypatch):
     assert guesses.nearest("speed", ["sped"]) is None
 
 
-def test_several_slips_in_one_element_are_mended_each_in_its_place():
+def test_several_typos_in_one_element_are_fixed():
     text = document('<Sequence Name="s" MEMORY="True "><AlwaysSuccess/></Sequence>')
     tree_file = parse_xml(text)
     findings = check(Forest.from_file(tree_file), default_registry())

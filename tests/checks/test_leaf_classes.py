@@ -1,4 +1,4 @@
-"""Classes of leaves are checked by their source, without ROS and without making one."""
+"""Tests of the checks of leaf classes by their source, without ROS and without an instance."""
 
 import importlib
 import os
@@ -54,7 +54,7 @@ class Tally(Behaviour):
 
 @pytest.fixture
 def findings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return what checks the class that a module of some text registers."""
+    """Return a function that checks the class registered by a module with the given text."""
 
     def check(text: str) -> list[Diagnostic]:
         (tmp_path / "written_leaf.py").write_text(text, encoding="utf-8")
@@ -69,7 +69,7 @@ def findings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.parametrize("text", [GRIP, TALLY])
-def test_a_class_that_does_what_it_declares_has_no_findings(findings: Any, text: str) -> None:
+def test_class_that_matches_its_declaration_has_no_findings(findings: Any, text: str) -> None:
     assert findings(text) == []
 
 
@@ -132,7 +132,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_with_a_class_is_found_at_its_line(findings: Any, case: str) -> None:
+def test_error_in_class_is_found_at_its_line(findings: Any, case: str) -> None:
     text, code, place, message = WRONG[case]
     [finding] = findings(text)
     assert (finding.code, finding.source.path.endswith("written_leaf.py")) == (code, True)
@@ -154,12 +154,12 @@ SET_ELSEWHERE = {
 
 
 @pytest.mark.parametrize("case", SET_ELSEWHERE)
-def test_an_attribute_may_be_set_elsewhere(findings: Any, case: str) -> None:
+def test_attribute_may_be_set_in_constructor_or_base_class(findings: Any, case: str) -> None:
     assert findings(SET_ELSEWHERE[case]) == []
 
 
 @pytest.mark.parametrize("value", ["lambda: None", "functools.partial(print, width)", "self.other", "width"])
-def test_a_method_may_be_replaced_by_a_function(findings: Any, value: str) -> None:
+def test_method_may_be_replaced_by_function(findings: Any, value: str) -> None:
     text = GRIP.replace("self._width = width", f"self._width = width\n        self.nav2_reason = {value}")
     text = text.replace(
         "width: Input[float]",
@@ -169,23 +169,21 @@ def test_a_method_may_be_replaced_by_a_function(findings: Any, value: str) -> No
 
 
 def findings_of_source(findings: Any, text: str) -> list[Diagnostic]:
-    """Return the findings about a class that names further modules."""
+    """Return the findings about a class whose module needs further imports."""
     return list(findings(f"import functools\nimport typing\n{text}"))
 
 
-def test_a_leaf_that_waits_for_nav2_need_not_name_its_action(findings: Any) -> None:
+def test_leaf_that_uses_nav2_need_not_declare_its_action(findings: Any) -> None:
     assert findings(GRIP.replace('Use.action("grip")', "Use.nav2()")) == []
 
 
 @pytest.mark.parametrize("decorator", ["@register", '@register("Bare")'])
-def test_a_registration_without_a_kind_says_what_to_write(findings: Any, decorator: str) -> None:
+def test_registration_without_kind_suggests_complete_call(findings: Any, decorator: str) -> None:
     with pytest.raises(RegistrationError, match=r'write @register\("Bare", kind=Kind\.ACTION\)'):
         findings(f"{HEAD}\n{decorator}\nclass Bare(Behaviour):\n    pass\n")
 
 
-def test_a_module_that_is_no_file_any_more_after_its_import_is_passed_over(
-    findings: Any, tmp_path: Path
-) -> None:
+def test_module_whose_file_is_replaced_by_pipe_after_import_is_skipped(findings: Any, tmp_path: Path) -> None:
     assert findings(WRONG["a missing type"][0]) != []
     path = tmp_path / "written_leaf.py"
     cls = sys.modules["written_leaf"].Grip
@@ -194,7 +192,7 @@ def test_a_module_that_is_no_file_any_more_after_its_import_is_passed_over(
     assert list(check_class(vars(cls)[MARK])) == []
 
 
-def test_shipped_leaves_are_not_read() -> None:
+def test_shipped_leaves_have_no_findings() -> None:
     from sar_compiler.nodes.registry import default_registry
 
     assert [finding for spec in default_registry() for finding in check_class(spec)] == []

@@ -1,4 +1,4 @@
-"""Values that whoever reads them cannot take: texts for numbers, numbers that are too large, ports that nobody reads."""
+"""Tests of values that do not fit their readers: strings for numbers, numbers out of range, ports that no node reads."""
 
 import pytest
 
@@ -34,17 +34,17 @@ def found(body, port="speed"):
         ("<AlwaysSuccess _onSuccess=\"value := 'fast'\"/>", 37),
     ],
 )
-def test_a_text_for_a_number_is_found_where_it_is_written(body, column, port):
+def test_string_for_number_is_found_at_assignment(body, column, port):
     told = found(body, port)
     assert ("key-of-two-types", 3, column) in told
     assert {code for code, *_ in told} <= {"key-of-two-types", "overwritten-key", "unread-key"}
 
 
-def test_a_text_for_a_number_is_found_in_a_subtree_and_where_one_is_given():
+def test_string_for_number_is_found_at_argument_of_subtree():
     assert found('<Script code="value := 1"/><SubTree ID="Part" given="fast"/>') == [
         ("key-of-two-types", 3, 54)
     ]
-    # One that is the name of a key lacks its braces.
+    # A string that is the name of a key lacks its braces.
     named = '<Script code="value := 1"/><SubTree ID="Part" given="value"/>'
     assert found(named) == [("key-as-text", 3, 54)]
     script = "<Script code=\"value := 1; other := 'fast'\"/>"
@@ -64,7 +64,7 @@ def test_a_text_for_a_number_is_found_in_a_subtree_and_where_one_is_given():
         ("x ? 'a' : 'b'", "speed"),
     ],
 )
-def test_what_can_be_read_or_is_not_known_is_no_finding(written, port):
+def test_readable_or_unknown_value_is_no_finding(written, port):
     body = f'<Script code="x := 1; value := {written}"/><ScriptCondition code="x == 1"/><SubTree ID="Part" given="{{x}}"/>'
     assert found(body, port) == []
 
@@ -80,7 +80,7 @@ def test_what_can_be_read_or_is_not_known_is_no_finding(written, port):
         ("std::vector&lt;int&gt;", ["1;2147483647"], ["1;2147483648"]),
     ],
 )
-def test_a_number_that_a_port_of_cpp_cannot_hold_is_a_wrong_value(cpp, fits, too_large):
+def test_number_out_of_range_of_cpp_type_is_wrong_value(cpp, fits, too_large):
     for number in (*fits, *too_large):
         text = (
             f'<root BTCPP_format="4"><BehaviorTree ID="Main">\n<Drive count="{number}"/></BehaviorTree>\n'
@@ -98,25 +98,25 @@ SUBTREE = """<root BTCPP_format="4" main_tree_to_execute="Main">
 
 
 @pytest.mark.parametrize("given", ["7", "{pause}"])
-def test_a_port_of_a_subtrees_model_that_the_tree_lacks_is_found_in_the_model(given):
+def test_port_of_subtree_model_missing_from_tree_is_found_in_model(given):
     use = f'<SubTree ID="Part" time="{{pause}}" goal="{given}"/>'
     findings = check(forest_of(SUBTREE.format(use=use, port="goal")), default_registry())
     assert [(each.code, each.span.line, each.span.column) for each in findings] == [("model-mismatch", 5, 19)]
 
 
-def test_a_slip_in_a_port_of_a_subtrees_model_brings_the_key_that_was_meant():
+def test_misspelt_port_of_subtree_model_gets_suggestion():
     text = SUBTREE.format(use='<SubTree ID="Part" tiem="{pause}"/>', port="tiem")
     findings = check(forest_of(text.replace('<input_port name="time"/>', "")), default_registry())
     assert ("model-mismatch", "time") in [(each.code, each.suggestion) for each in findings]
 
 
-def test_a_text_is_found_at_the_end_of_a_long_chain_of_copies():
+def test_string_is_found_after_long_chain_of_copies():
     chain = [
         f'<SetBlackboard value="{{k{number}}}" output_key="k{number + 1}"/>' * copies
         for copies in (1, 2)
         for number in range(20 * (copies - 1), 20 * copies)
     ]
-    # Each entry of the second half has two copies of the one before, which are one value.
+    # In the second half, each key is copied twice from the previous key; both copies have the same value.
     body = "\n".join(["<Script code=\"k0 := 'fast'\"/>", *chain])
     last = f'<SetBlackboard value="{{k{len(chain)}}}" output_key="value"/>'
     assert ("key-of-two-types", 4 + len(chain), 23) in found(f"{body}\n{last}")
@@ -125,7 +125,7 @@ def test_a_text_is_found_at_the_end_of_a_long_chain_of_copies():
 @pytest.mark.parametrize(
     ("written", "suggestion"), [("+5", "5"), ("-5", None), ("5", None), ("1e3", None), ("+.5", ".5")]
 )
-def test_a_plus_before_a_number_is_warned_of_since_btcpp_cannot_read_it(written, suggestion):
+def test_plus_sign_before_number_is_reported(written, suggestion):
     text = TREE.format(body="<AlwaysSuccess/>", port="word").replace('word="{value}"', f'speed="{written}"')
     findings = [
         each for each in check(forest_of(text), default_registry()) if each.code == "cpp-type-mismatch"
@@ -136,7 +136,7 @@ def test_a_plus_before_a_number_is_warned_of_since_btcpp_cannot_read_it(written,
 
 
 @pytest.mark.parametrize(("children", "codes"), [(1, ["out-of-reach"]), (2, ["out-of-reach"]), (3, [])])
-def test_a_count_of_children_that_a_script_writes_is_compared_with_their_number(children, codes):
+def test_count_written_by_script_is_compared_with_number_of_children(children, codes):
     parallel = f'<Parallel success_count="{{n}}">{"<AlwaysSuccess/>" * children}</Parallel>'
     enough = '<Parallel success_count="{n}"><AlwaysSuccess/><AlwaysSuccess/><AlwaysSuccess/></Parallel>'
     text = f'<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><Script code="n := 3"/>{enough}{parallel}</Sequence></BehaviorTree></root>'
@@ -145,7 +145,7 @@ def test_a_count_of_children_that_a_script_writes_is_compared_with_their_number(
 
 
 @pytest.mark.parametrize("items", ["1;x", "x", "1;2.5"])
-def test_each_item_of_a_loop_is_compared_with_the_ports_that_read_it(items):
+def test_loop_items_are_compared_with_ports_that_read_them(items):
     loop = f'<LoopString queue="{items}" value="{{k}}"><Drive count="{{k}}"/></LoopString>'
     text = TREE.format(body=loop, port="any").replace('<Drive any="{value}"/>', "")
     codes = [each.code for each in check(forest_of(text), default_registry())]
@@ -170,18 +170,18 @@ FROM_USE = '<MetadataFields><Metadata made="from use"/></MetadataFields>'
         ("int", 'times="3"', FROM_USE, []),
     ],
 )
-def test_a_literal_for_a_port_that_its_node_writes_is_a_warning(cpp, written, note, told):
-    # BehaviorTree.CPP raises when the node writes it: setOutput requires a blackboard pointer.
+def test_valid_literal_for_inout_port_is_warning(cpp, written, note, told):
+    # BehaviorTree.CPP raises when the node writes the port: setOutput requires a blackboard pointer.
     found = check(forest_of(BOTH.format(cpp=cpp, written=written, note=note)), default_registry())
     assert [each.severity.value for each in found if each.code == "wrong-value"] == told
 
 
-def test_the_literal_queue_of_a_loop_is_meant_so():
+def test_literal_queue_of_loop_is_no_wrong_value():
     body = '<LoopInt queue="1;2" value="{v}"><Drive count="{v}"/></LoopInt>'
     assert "wrong-value" not in {code for code, *_ in found(body)}
 
 
-def test_a_text_that_is_copied_over_a_number_of_a_subtree_says_one():
+def test_string_copied_over_number_of_subtree_is_one_finding():
     part = '<BehaviorTree ID="P"><Sequence><SetBlackboard value="{text}" output_key="k"/></Sequence></BehaviorTree>'
     for text, told in (("x", ["cpp-type-mismatch"]), ("7", []), ("-7", [])):
         tree = TREE.format(body='<SubTree ID="P" k="3"/>', port="speed").replace(
@@ -191,8 +191,8 @@ def test_a_text_that_is_copied_over_a_number_of_a_subtree_says_one():
         assert [each.code for each in found if "type" in each.code] == told, text
 
 
-def test_a_port_that_writes_first_in_some_runs_only_is_no_reason_for_a_finding():
-    # A text cannot be written over by a number, and a number can by a text.
+def test_port_that_writes_first_only_in_some_runs_is_no_finding():
+    # A number cannot overwrite a string, but a string can overwrite a number.
     body = '<Fallback><AlwaysFailure/><Drive any="{k}"/></Fallback>'
     writes = ('<W_string out="{k}"/>', '<W_int out="{k}"/>')
     models = "".join(

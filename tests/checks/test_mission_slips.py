@@ -1,4 +1,4 @@
-"""The slips that are made with the mission's tree, and what is said of them."""
+"""Tests of the findings about typical errors in the mission's tree."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from tests.trees import forest_of
 MISSION = Path("trees/search_and_rescue.xml").read_text("utf-8")
 
 
-def changed(*changes):
+def replace_in_mission(*changes):
     text = MISSION
     for old, new in changes:
         assert old in text
@@ -19,7 +19,7 @@ def changed(*changes):
     return text
 
 
-def exchanged(one, other):
+def swap_in_mission(one, other):
     assert one in MISSION
     assert other in MISSION
     return MISSION.replace(one, "\0").replace(other, one).replace("\0", other)
@@ -29,27 +29,27 @@ def line_of(text, part):
     return text[: text.index(part)].count("\n") + 1
 
 
-SLIPS = {
+ERRORS = {
     "no OneShot around the way home": (
-        changed((' oneshot="ON_COMPLETION"', "")),
+        replace_in_mission((' oneshot="ON_COMPLETION"', "")),
         ("repeated-effect", "<NavigateToBase/>"),
         "'NavigateToBase' would be sent a new goal in every tick",
         "wrap it in OneShot",
     ),
     "a patrol without memory": (
-        changed(('name="Patrol" memory="true"', 'name="Patrol" memory="false"')),
+        replace_in_mission(('name="Patrol" memory="true"', 'name="Patrol" memory="false"')),
         ("endless-restart", "<NavigateToZone/>"),
         "'NavigateToZone' is restarted in the next tick while 'DetectSurvivor' runs, and interrupts",
         "write memory=\"true\" in 'Patrol'",
     ),
     "a survivor who is named without memory": (
-        changed(('name="SurvivorFound" memory="true"', 'name="SurvivorFound" memory="false"')),
+        replace_in_mission(('name="SurvivorFound" memory="true"', 'name="SurvivorFound" memory="false"')),
         ("repeated-effect", "<BroadcastSurvivorTF "),
         "'BroadcastSurvivorTF' would publish a static frame with a new name",
         "write memory=\"true\" in 'SurvivorFound'",
     ),
     "a report before there is a name": (
-        exchanged(
+        swap_in_mission(
             '<BroadcastSurvivorTF detect_node="DetectSurvivor"/>',
             '<NotifyBase detect_node="DetectSurvivor"/>',
         ),
@@ -58,7 +58,7 @@ SLIPS = {
         "move it after 'BroadcastSurvivorTF'",
     ),
     "the next zone before this one is searched": (
-        changed(
+        replace_in_mission(
             ("        <AdvanceZone/>\n", ""),
             ("        <DetectSurvivor/>\n", "        <AdvanceZone/>\n        <DetectSurvivor/>\n"),
         ),
@@ -67,7 +67,7 @@ SLIPS = {
         "move it before 'AdvanceZone'",
     ),
     "a log that comes first": (
-        changed(
+        replace_in_mission(
             ("          <LogNoDetection/>\n", ""),
             (
                 '        <Selector name="HandleDetection" memory="false">\n',
@@ -79,7 +79,7 @@ SLIPS = {
         "move it",
     ),
     "the way home before the patrol": (
-        changed(
+        replace_in_mission(
             ('      <NavigateToBase oneshot="ON_COMPLETION"/>\n', ""),
             (
                 '      <Sequence name="Patrol" memory="true">\n',
@@ -91,7 +91,7 @@ SLIPS = {
         "write memory=\"true\" in 'MissionOrReturnToBase'",
     ),
     "a time limit for what asks": (
-        changed(
+        replace_in_mission(
             (
                 '<IsSurvivorDetected name="IsSurvivorDetected?" detect_node="DetectSurvivor"/>',
                 '<Timeout duration="5"><IsSurvivorDetected name="IsSurvivorDetected?" detect_node="DetectSurvivor"/></Timeout>',
@@ -104,9 +104,9 @@ SLIPS = {
 }
 
 
-@pytest.mark.parametrize("name", SLIPS)
-def test_a_slip_in_the_mission_is_one_finding_that_names_the_leaf_and_what_to_write(name):
-    text, (code, part), words, hint = SLIPS[name]
+@pytest.mark.parametrize("name", ERRORS)
+def test_error_in_mission_is_one_finding_with_leaf_and_hint(name):
+    text, (code, part), words, hint = ERRORS[name]
     (finding,) = check(forest_of(text), default_registry())
     assert (finding.code, finding.span.line) == (code, line_of(text, part))
     assert words in finding.message
@@ -114,14 +114,14 @@ def test_a_slip_in_the_mission_is_one_finding_that_names_the_leaf_and_what_to_wr
     assert hint in finding.hint
 
 
-def test_both_flags_of_the_steps_gone_are_two_findings():
-    text = changed(('memory="true"', 'memory="false"'))
+def test_both_sequences_without_memory_are_two_findings():
+    text = replace_in_mission(('memory="true"', 'memory="false"'))
     assert [f.code for f in check(forest_of(text), default_registry())] == [
         "endless-restart",
         "repeated-effect",
     ]
 
 
-def test_a_number_that_only_the_mission_knows_keeps_nothing_from_being_checked():
+def test_number_from_mission_parameter_has_no_findings():
     text = '<root BTCPP_format="4"><BehaviorTree ID="Main"><PostponeZone attempts="{@tries}"/></BehaviorTree></root>'
     assert check(forest_of(text), default_registry()) == []

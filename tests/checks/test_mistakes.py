@@ -1,4 +1,4 @@
-"""Every mistake gets one clear finding, where it stands."""
+"""Tests that each error in a tree file has one finding, with its location."""
 
 import pytest
 
@@ -20,7 +20,7 @@ def found(text, registry):
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in findings]
 
 
-# Each: what is written in the tree (its first line is line 3), then code, line, column and suggestion.
+# Each: the text of the tree (its first line is line 3), then code, line, column and suggestion.
 IN_A_TREE = {
     "more successes than children": (
         '<Parallel success_count="3"><Success/><Failure/></Parallel>',
@@ -192,7 +192,7 @@ IN_A_TREE = {
 
 
 @pytest.mark.parametrize("name", IN_A_TREE)
-def test_a_mistake_in_a_tree_is_found_where_it_stands(name, registry):
+def test_error_in_tree_is_reported_with_location(name, registry):
     body, *expected = IN_A_TREE[name]
     assert found(document(body), registry) == [tuple(expected)]
 
@@ -285,7 +285,7 @@ IN_A_FILE = {
 
 
 @pytest.mark.parametrize("name", IN_A_FILE)
-def test_a_mistake_around_the_trees_is_found_where_it_stands(name, registry):
+def test_error_outside_trees_is_reported_with_location(name, registry):
     text, *expected = IN_A_FILE[name]
     assert found(text, registry) == [tuple(expected)]
 
@@ -297,15 +297,13 @@ def test_a_mistake_around_the_trees_is_found_where_it_stands(name, registry):
         (f'<root BTCPP_format="4">{TREE}<Sequence/></root>', "unknown-element", 70),
     ],
 )
-def test_what_behaviortree_cpp_passes_over_around_the_trees_is_told_and_no_error(
-    text, code, column, registry
-):
+def test_content_outside_trees_that_btcpp_ignores_is_warning(text, code, column, registry):
     findings = check(forest_of(text), registry)
     assert [(f.code, f.span.column) for f in findings if f.severity is Severity.WARNING] == [(code, column)]
     assert Severity.ERROR not in {f.severity for f in findings}
 
 
-def test_all_mistakes_are_found_at_once_in_the_order_of_the_file(registry):
+def test_all_errors_are_reported_at_once_in_file_order(registry):
     body = '<Selector memory="no">\n<Sequence/>\n<Inverter colour="red"><Sucess/></Inverter>\n</Selector>'
     assert [code for code, *_ in found(document(body), registry)] == [
         "wrong-value",
@@ -315,18 +313,18 @@ def test_all_mistakes_are_found_at_once_in_the_order_of_the_file(registry):
     ]
 
 
-def test_trees_that_are_not_executed_are_checked_as_well(registry):
+def test_unused_trees_are_checked(registry):
     text = f'<root BTCPP_format="4" main_tree_to_execute="A">{TREE}\n<BehaviorTree ID="B"><Sucess/></BehaviorTree></root>'
     assert [(code, line) for code, line, *_ in found(text, registry)] == [("unknown-node", 2)]
 
 
 @pytest.mark.parametrize("broken", ["<DetectSurviver/>", '<Xyzzy name="DetectSurvivor"/>'])
-def test_a_misspelt_node_brings_no_second_finding_for_those_that_refer_to_it(broken, registry):
+def test_misspelt_node_causes_no_second_finding_at_references(broken, registry):
     body = f'<Sequence>{broken}<NotifyBase detect_node="DetectSurvivor"/></Sequence>'
     assert [code for code, *_ in found(document(body), registry)] == ["unknown-node"]
 
 
-def test_what_is_said_names_what_can_be_written_instead(registry):
+def test_message_names_remedy(registry):
     text = document("<Retry><NotifyBase/></Retry>")
     retry, notify = [f.render() for f in check(forest_of(text), registry)]
     assert retry.endswith('write num_failures="..." (an integer)')
@@ -352,7 +350,7 @@ CORRECT = {
 
 
 @pytest.mark.parametrize("name", CORRECT)
-def test_nothing_is_said_of_a_correct_tree(name, registry):
+def test_correct_tree_has_no_findings(name, registry):
     assert found(document(CORRECT[name]), registry) == []
 
 
@@ -368,9 +366,9 @@ def test_nothing_is_said_of_a_correct_tree(name, registry):
         f'<?xml version="1.0" encoding="ISO-8859-1"?><root BTCPP_format="4">{TREE}</root>',
     ],
 )
-def test_nothing_is_said_of_a_correct_file(text, registry):
+def test_correct_file_has_no_findings(text, registry):
     assert found(text, registry) == []
 
 
-def test_the_shipped_tree_is_correct(registry):
+def test_shipped_tree_has_no_findings(registry):
     assert check(Forest.from_file(read_tree_file("trees/search_and_rescue.xml")), registry) == []

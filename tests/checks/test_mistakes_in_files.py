@@ -1,4 +1,4 @@
-"""The mistakes that the language has room for, in XML, in YAML and in files that are included."""
+"""Tests of findings about errors in XML files, YAML files and included files."""
 
 import re
 from pathlib import Path
@@ -20,7 +20,7 @@ def places(findings):
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in findings]
 
 
-# Each: what is written in the tree (its first line is line 3), then code, line, column and suggestion.
+# Each: the text of the tree (its first line is line 3), then code, line, column and suggestion.
 IN_XML = {
     "a misspelt special attribute": ('<Success _skipif="true"/>', ("unknown-attribute", 3, 10, "_skipIf")),
     "an attribute that is much like a condition": (
@@ -90,14 +90,14 @@ IN_XML = {
 
 
 @pytest.mark.parametrize("name", IN_XML)
-def test_a_mistake_in_the_language_is_found_where_it_stands(name):
+def test_language_error_is_reported_with_location(name):
     body, expected = IN_XML[name]
     errors = [f for f in check(forest_of(document(body)), default_registry()) if f.severity.value == "error"]
     assert places(errors) == [expected]
 
 
-# What BehaviorTree.CPP passes over: told, and the tree can be run.
-PASSED_OVER = {
+# Content that BehaviorTree.CPP ignores: it is reported, and the tree can be run.
+IGNORED_BY_BTCPP = {
     "text between nodes": ("<Sequence>\n<Success/>\nnow <Failure/></Sequence>", ("stray-text", 5, 1, None)),
     "an action that is said to be a condition": (
         '<Condition ID="AlwaysSuccess"/>',
@@ -114,15 +114,15 @@ PASSED_OVER = {
 }
 
 
-@pytest.mark.parametrize("name", PASSED_OVER)
-def test_what_behaviortree_cpp_passes_over_is_told_and_no_error(name):
-    body, expected = PASSED_OVER[name]
+@pytest.mark.parametrize("name", IGNORED_BY_BTCPP)
+def test_content_that_btcpp_ignores_is_reported_but_no_error(name):
+    body, expected = IGNORED_BY_BTCPP[name]
     findings = check(forest_of(document(body)), default_registry())
     assert expected in places(findings)
     assert "error" not in {finding.severity.value for finding in findings}
 
 
-# The tree's own lines begin in line 6.
+# The text of the tree starts in line 6.
 HEAD = "root:\n  children:\n  - BehaviorTree:\n      ID: Main\n      children:\n"
 IN_YAML = {
     "a node that is not there": (
@@ -163,7 +163,7 @@ IN_YAML = {
 
 
 @pytest.mark.parametrize("name", IN_YAML)
-def test_a_mistake_in_yaml_is_found_where_it_stands(name):
+def test_error_in_yaml_is_reported_with_location(name):
     text, expected = IN_YAML[name]
     try:
         findings = check(Forest.from_file(parse_yaml(HEAD + text, "test.yaml")), default_registry())
@@ -175,13 +175,13 @@ def test_a_mistake_in_yaml_is_found_where_it_stands(name):
 TREE = '<BehaviorTree ID="Main"><Success/></BehaviorTree></root>'
 
 
-def test_a_file_that_does_not_say_its_version_may_be_of_an_older_one():
+def test_file_without_format_version_is_warning():
     (finding,) = check(forest_of(f"<!-- old -->\n<root>{TREE}"), default_registry())
     assert (finding.severity, *places([finding])[0]) == (Severity.WARNING, "missing-format", 2, 1, None)
     assert 'BTCPP_format="4"' in (finding.hint or "")
 
 
-def test_an_included_file_says_its_version_itself(tmp_path):
+def test_included_file_without_format_version_is_reported(tmp_path):
     (tmp_path / "main.xml").write_text(MAIN.format(form="xml"))
     (tmp_path / "parts.xml").write_text(f"<root>{TREE.replace('Main', 'Part')}")
     (finding,) = check(load_forest(tmp_path / "main.xml", read_tree_file), default_registry())
@@ -195,17 +195,17 @@ def test_an_included_file_says_its_version_itself(tmp_path):
         '<root><TreeNodesModel><Action ID="Fly"/></TreeNodesModel></root>',
     ],
 )
-def test_a_file_that_says_its_version_or_has_no_trees_is_right(text):
+def test_file_with_format_version_or_without_trees_has_no_findings(text):
     assert check(forest_of(text), default_registry()) == []
 
 
-def test_a_name_of_an_older_version_is_said_to_be_one():
+def test_node_name_of_older_version_is_named_as_such():
     (finding,) = check(forest_of(document("<SequenceStar><Success/></SequenceStar>")), default_registry())
     assert finding.message == "there is no node 'SequenceStar' any more, only in BehaviorTree.CPP 3"
 
 
 @pytest.mark.parametrize("tag", REPLACEMENTS)
-def test_a_node_of_another_engine_is_answered_with_nodes_and_attributes_that_exist(tag):
+def test_hint_for_node_of_other_engine_has_existing_nodes_and_attributes(tag):
     (finding, *_) = check(forest_of(document(f"<{tag}/>")), default_registry())
     assert finding.message == f"there is no node '{tag}', which is known from {REPLACEMENTS[tag].engine}"
     hint = finding.hint or ""
@@ -224,7 +224,7 @@ REMAP = '<remap internal="goal" external="target"/>'
 
 
 @pytest.mark.parametrize("where", ["<Sequence>", f"{REMAP}<Sequence>"])
-def test_a_remap_of_version_3_is_answered_with_the_attribute_of_its_subtree(where):
+def test_remap_of_version_3_gets_hint_with_subtree_attribute(where):
     inside = "" if REMAP in where else REMAP
     body = f'<Sequence><SubTree ID="Part">{inside}</SubTree><Success/></Sequence>'
     part = f'<BehaviorTree ID="Part">{where}<Success/><Success/></Sequence></BehaviorTree></root>'
@@ -233,7 +233,7 @@ def test_a_remap_of_version_3_is_answered_with_the_attribute_of_its_subtree(wher
     assert '<SubTree ID="Part" goal="{target}"/>' in (found[0].hint or "")
 
 
-def test_a_shared_blackboard_of_a_tree_is_answered_with_the_attribute_of_its_uses():
+def test_shared_blackboard_of_tree_gets_hint_with_subtree_attribute():
     text = document("<Success/>").replace('ID="Main"', 'ID="Main" __shared_blackboard="true"')
     (finding,) = check(forest_of(text), default_registry())
     assert (finding.code, finding.severity) == ("ignored-attribute", Severity.WARNING)
@@ -244,7 +244,7 @@ def test_a_shared_blackboard_of_a_tree_is_answered_with_the_attribute_of_its_use
 
 
 @pytest.mark.parametrize("place", ["root", "include", "BehaviorTree"])
-def test_an_attribute_that_nobody_reads_is_a_warning(place, tmp_path):
+def test_ignored_attribute_is_warning(place, tmp_path):
     (tmp_path / "parts.xml").write_text(PARTS["xml"].format(body="<Success/>"))
     (tmp_path / "main.xml").write_text(
         MAIN.format(form="xml").replace(f"<{place}", f'<{place} colour="red"', 1)
@@ -253,7 +253,7 @@ def test_an_attribute_that_nobody_reads_is_a_warning(place, tmp_path):
     assert (finding.code, finding.severity) == ("ignored-attribute", Severity.WARNING)
 
 
-def test_no_number_of_warnings_hides_an_error():
+def test_many_warnings_do_not_hide_error():
     noted = "".join(
         f'<BehaviorTree ID="T{n}" colour="red"><Success/></BehaviorTree>' for n in range(MOST + 1)
     )
@@ -297,7 +297,7 @@ IN_AN_INCLUDED_FILE = {
 
 
 @pytest.mark.parametrize("name", IN_AN_INCLUDED_FILE)
-def test_a_mistake_in_an_included_file_names_that_file(name, tmp_path):
+def test_error_in_included_file_names_that_file(name, tmp_path):
     form, body, expected = IN_AN_INCLUDED_FILE[name]
     (tmp_path / "main.xml").write_text(MAIN.format(form=form))
     (tmp_path / f"parts.{form}").write_text(PARTS[form].format(body=body))
@@ -306,7 +306,7 @@ def test_a_mistake_in_an_included_file_names_that_file(name, tmp_path):
     assert places([finding]) == [expected]
 
 
-def test_files_that_include_each_other_are_found(tmp_path):
+def test_files_that_include_each_other_are_reported(tmp_path):
     for one, other in (("a", "b"), ("b", "a")):
         (tmp_path / f"{one}.xml").write_text(
             f'<root BTCPP_format="4" main_tree_to_execute="a">\n<include path="{other}.xml"/>\n'
@@ -316,7 +316,7 @@ def test_files_that_include_each_other_are_found(tmp_path):
     assert [f.code for f in findings] == ["include-cycle"]
 
 
-def test_trees_of_an_included_file_need_not_be_used(tmp_path):
+def test_trees_of_included_file_need_not_be_used(tmp_path):
     (tmp_path / "main.xml").write_text(MAIN.format(form="xml"))
     text = (
         PARTS["xml"]

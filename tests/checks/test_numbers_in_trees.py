@@ -1,4 +1,4 @@
-"""Numbers, keys and outputs in trees that were hardly meant: what is found, where, and what follows from what was written."""
+"""Tests of findings about unlikely numbers, keys and outputs, and of their suggestions."""
 
 import py_trees
 import pytest
@@ -37,7 +37,7 @@ def found(body):
         ('<DriveOnHeading dist_to_travel="200000" speed="0.2" time_allowance="10"/>', "metres are", "200000 mm are 200 m: write 200"),
     ],
 )  # fmt: skip
-def test_a_number_that_is_unusual_in_its_unit_is_warned_of_with_the_conversion(body, message, hint):
+def test_unusual_number_is_warning_with_conversion(body, message, hint):
     [finding] = found(body)
     assert (finding.code, finding.severity) == ("out-of-range", Severity.WARNING)
     assert message in finding.message
@@ -53,12 +53,12 @@ def test_a_number_that_is_unusual_in_its_unit_is_warned_of_with_the_conversion(b
         '<Spin spin_dist="{turn}"/>',
     ],
 )
-def test_a_number_at_the_end_of_what_is_usual_is_not_warned_of(body):
+def test_number_at_end_of_usual_range_is_no_warning(body):
     assert [each for each in found(body) if each.code == "out-of-range"] == []
 
 
 @pytest.mark.parametrize("text", ["", "{}", " { } ".replace(" ", "")])
-def test_an_output_that_is_left_empty_is_a_warning_and_the_tree_can_be_run(text):
+def test_empty_output_is_warning(text):
     [finding] = found(f'<Sequence><ComputePathToPose goal="1;map;0;0;0;0;0;0;1" path="{text}"/></Sequence>')
     assert (finding.code, finding.severity) == ("ignored-attribute", Severity.WARNING)
     assert finding.hint == 'remove path, or write path="{key}"'
@@ -66,7 +66,7 @@ def test_an_output_that_is_left_empty_is_a_warning_and_the_tree_can_be_run(text)
 
 
 @pytest.mark.parametrize(("text", "suggestion"), [("road", "{road}"), ("${road}", "{road}"), ("a b", None)])
-def test_a_literal_for_an_output_stays_an_error(text, suggestion):
+def test_literal_for_output_is_error(text, suggestion):
     [finding] = found(f'<ComputePathToPose goal="1;map;0;0;0;0;0;0;1" path="{text}"/>')
     assert (finding.code, finding.severity, finding.suggestion) == ("wrong-value", Severity.ERROR, suggestion)
 
@@ -75,7 +75,7 @@ def test_a_literal_for_an_output_stays_an_error(text, suggestion):
     ("text", "suggestion"),
     [("${g}", "{g}"), (" ${@g} ", "{@g}"), ("$g", None), ("a ${g}", None), ("${g", None)],
 )
-def test_a_key_as_version_3_wrote_it_is_no_text(text, suggestion):
+def test_key_with_dollar_sign_gets_suggestion(text, suggestion):
     body = f'<Sequence><Script code="g := 1"/><SetBlackboard output_key="out" value="{text}"/></Sequence>'
     keys = [each for each in found(body) if each.code == "unclosed-key"]
     assert [each.suggestion for each in keys] == ([suggestion] if suggestion else [])
@@ -97,11 +97,11 @@ def errors(text):
         ("          - Sleep: {msec: 1,500}\n", 27, "the comma is ambiguous: write 1500, or 1.500"),
     ],
 )
-def test_a_decimal_comma_between_braces_is_one_number(text, column, advice):
+def test_decimal_comma_between_braces_is_one_number(text, column, advice):
     assert errors(text) == [("wrong-value", 6, column, advice)]
 
 
-def test_a_key_of_digits_with_a_value_is_no_decimal_comma():
+def test_key_of_digits_with_value_is_no_decimal_comma():
     [(code, *_)] = errors("          - Sleep: {msec: 0,5: 3}\n")
     assert code == "wrong-name"
 
@@ -113,7 +113,7 @@ def test_a_key_of_digits_with_a_value_is_no_decimal_comma():
         "          - Sequence:\n              name: a\n                - AlwaysFailure\n              children: [Sleep]\n",
     ],
 )
-def test_a_node_that_is_indented_too_deep_is_reported_in_its_own_line(text):
+def test_node_indented_too_deep_is_reported_at_its_own_line(text):
     line = 6 + text[: text.index("- AlwaysFailure")].count("\n")
     column = text.splitlines()[line - 6].index("-") + 1
     assert errors(text) == [
@@ -122,7 +122,7 @@ def test_a_node_that_is_indented_too_deep_is_reported_in_its_own_line(text):
 
 
 class Drive(py_trees.behaviour.Behaviour):
-    """A leaf whose parameters say their unit by their names alone."""
+    """A leaf whose parameters state their units only in their names."""
 
     def __init__(self, name: str, timeout_sec: float = 1.0, yaw: float = 0.0, speed: float = 0.0) -> None:
         super().__init__(name)
@@ -145,7 +145,7 @@ class Drive(py_trees.behaviour.Behaviour):
         ('timeout_sec="1e7"', "10000000 ms are 10000 s: write 10000"),
     ],
 )
-def test_the_name_of_an_attribute_says_its_unit(attribute, advice):
+def test_unit_follows_from_attribute_name(attribute, advice):
     registry = Registry()
     registry.add_class(register("Drive", kind=Kind.ACTION, outcomes=[Status.SUCCESS])(Drive))
     [finding] = check(forest(f"<Drive {attribute}/>"), registry)

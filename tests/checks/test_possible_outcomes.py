@@ -1,4 +1,4 @@
-"""What the records of the nodes say that a tick can come to, held against all runs of small trees."""
+"""Tests that the outcome records of the nodes agree with all runs of small trees."""
 
 import functools
 import itertools
@@ -14,14 +14,14 @@ from tests.node_forms import Form, forms
 from tests.trees import forest
 
 FORMS = forms(REGISTRY)
-# One in so many combinations of what the children answer is tried of a node that reads keys, whose surroundings make
-# each of them dear; with no divisor of the number of subsets, so that every child answers every one.
-TRIED_WITH_KEYS = 71
+# For a node that reads keys, only one in this many combinations of the children's outcomes is tested, because its surrounding
+# tree makes each one expensive. No divisor of the number of subsets, so that each child has every subset.
+STEP_WITH_KEYS = 71
 RANDOM_TREES = rounds(60)
 
 
-# How much of what it answers is known before; of all other nodes everything.
-SURE_OF = {"RateController": 0.85}
+# The minimum share of seen outcomes that the record states as certain; 1 for all other nodes.
+MIN_CERTAIN_SHARE = {"RateController": 0.85}
 
 
 def combinations(form: Form):
@@ -31,7 +31,7 @@ def combinations(form: Form):
     first_two = itertools.product(SUBSETS, repeat=2)
     rest = [SUBSETS[-1]] * (form.count(2) - 2)
     found = [(first, second, *rest) for first, second in first_two]
-    return found[:: TRIED_WITH_KEYS if form.reads_keys else 1]
+    return found[:: STEP_WITH_KEYS if form.reads_keys else 1]
 
 
 def tree(form: Form, subsets) -> str:
@@ -40,22 +40,22 @@ def tree(form: Form, subsets) -> str:
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("form", FORMS, ids=str)
-def test_a_node_answers_what_its_record_says_and_nothing_else(form):
+def test_node_returns_only_outcomes_of_its_record(form):
     seen = known = 0
     for subsets in combinations(form):
         answers = outcomes_of(tree(form, subsets))
-        if answers is not None:  # one that py_trees cannot skip, or a count out of reach
+        if answers is not None:  # py_trees cannot skip the node, or a count is unreachable
             assert answers.seen <= answers.may, subsets
             if answers.complete:
                 assert answers.known <= answers.seen, subsets
             seen += len(answers.seen)
             known += len(answers.known & answers.seen)
-    # A record that is sure of nothing would be right, and of no use.
-    assert form.reads_keys or known >= SURE_OF.get(form.spec.tag, 1.0) * seen
+    # A record without certain outcomes would be correct, but useless.
+    assert form.reads_keys or known >= MIN_CERTAIN_SHARE.get(form.spec.tag, 1.0) * seen
 
 
 @pytest.mark.unmeasured
-def test_nodes_in_nodes_answer_what_their_records_say_together():
+def test_nested_nodes_return_only_outcomes_of_their_records():
     seen = known = trees = 0
     random_trees = RandomTrees(seed=1)
     for _ in range(RANDOM_TREES):
@@ -74,7 +74,7 @@ def test_nodes_in_nodes_answer_what_their_records_say_together():
 
 
 def possible_of(form: Form) -> Callable[[list[int], bool], int]:
-    """Return what a node makes of the outcome sets of its children."""
+    """Return the function that computes a node's outcomes from the outcome sets of its children."""
     bound = bind_main(forest(tree(form, [SUBSETS[0]] * form.count(2))), REGISTRY).main.root
     possible = form.spec.semantics.possible
     assert bound is not None
@@ -83,7 +83,7 @@ def possible_of(form: Form) -> Callable[[list[int], bool], int]:
 
 
 @pytest.mark.parametrize("form", FORMS, ids=str)
-def test_what_is_known_is_allowed_and_what_is_known_of_nothing_is_allowed_for_everything(form):
+def test_certain_outcomes_are_allowed(form):
     count = form.count(2)
     possible = possible_of(form)
     known_of_nothing = possible([0] * count, SURE)
@@ -94,7 +94,7 @@ def test_what_is_known_is_allowed_and_what_is_known_of_nothing_is_allowed_for_ev
         assert possible(sets, SURE) & ~may == 0, sets
 
 
-def test_what_is_interrupted_in_every_other_tick_is_not_known_to_end():
+def test_children_that_interrupt_each_other_keep_running():
     first = f"<AsyncSequence>{leaf(['SUCCESS'], 'a')}{leaf(['SUCCESS'], 'b')}</AsyncSequence>"
     second = f"<AsyncFallback>{leaf(['FAILURE'], 'c')}{leaf(['SUCCESS'], 'd')}</AsyncFallback>"
     answers = outcomes_of(f"<ReactiveSequence>{first}{second}</ReactiveSequence>")
@@ -105,7 +105,7 @@ def test_what_is_interrupted_in_every_other_tick_is_not_known_to_end():
 @pytest.mark.parametrize(
     ("tag", "variant"), dict.fromkeys((form.spec.tag, form.spec.variant) for form in FORMS)
 )
-def test_a_node_says_that_it_can_answer_what_its_record_allows(tag, variant):
+def test_declared_statuses_equal_allowed_outcomes(tag, variant):
     own = [form for form in FORMS if (form.spec.tag, form.spec.variant) == (tag, variant)]
     allowed = 0
     for form in own:
@@ -114,7 +114,7 @@ def test_a_node_says_that_it_can_answer_what_its_record_allows(tag, variant):
     assert bits(own[0].spec.statuses) == allowed & ~K
 
 
-def test_of_a_queue_that_is_written_in_the_file_everything_is_known():
+def test_outcomes_of_literal_queue_are_certain():
     answers = outcomes_of('<StatusQueue queue="RUNNING;SUCCESS" eventually="SUCCESS"/>')
     assert answers is not None
     assert answers.seen == answers.may == answers.known == {"RUNNING", "SUCCESS"}

@@ -1,4 +1,4 @@
-"""The generated schema: committed as it is generated, and never stricter than the rules."""
+"""Tests of the generated XML schema: the committed file is up to date, and the schema is never stricter than the rules."""
 
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,12 @@ from tests.nodes import leaves
 from tests.trees import document
 
 
-def test_the_committed_schema_is_the_one_that_the_registry_generates():
+def test_committed_schema_equals_generated_schema():
     committed = Path("schemas/sar_tree.xsd").read_text(encoding="utf-8")
     assert committed == xml_schema(default_registry()), "run `make schemas` and review the change"
 
 
-def test_leaves_of_a_user_are_in_the_schema_of_their_registry():
+def test_custom_leaves_are_in_schema_of_their_registry():
     registry = Registry()
     registry.add_module(leaves)
     wrong = parse_xml(document('<Say message="hi" times="often"/>'))
@@ -34,25 +34,25 @@ def test_leaves_of_a_user_are_in_the_schema_of_their_registry():
 
 
 @pytest.mark.parametrize("name", CORRECT)
-def test_the_schema_accepts_what_is_correct(name):
+def test_schema_accepts_correct_trees(name):
     assert schema_errors(parse_xml(document(CORRECT[name])), default_registry()) == []
 
 
-# What no XSD can say: that a name refers to something, how large a number may be, what children do to each other.
-BEYOND = {name for name, case in IN_A_TREE.items() if "reference" in case[1]} | {
+# Errors that no XSD can express: references by name, large numbers, interaction of children.
+BEYOND_XSD = {name for name, case in IN_A_TREE.items() if "reference" in case[1]} | {
     "a number of too many digits",
     "more successes than children",
     "two children that interrupt each other",
 }
 
 
-@pytest.mark.parametrize("name", sorted(set(IN_A_TREE) - BEYOND))
-def test_the_schema_refuses_what_is_wrong_in_itself(name):
+@pytest.mark.parametrize("name", sorted(set(IN_A_TREE) - BEYOND_XSD))
+def test_schema_rejects_errors_that_xsd_can_express(name):
     errors = schema_errors(parse_xml(document(IN_A_TREE[name][0])), default_registry())
     assert [line for line, _ in errors]
 
 
-def test_a_schema_error_is_shown_where_the_rules_found_nothing():
+def test_schema_error_is_reported_if_rules_find_nothing():
     tree = parse_xml(document("<Sequence/>\n"), "test.xml")
     (alone,) = check_schema(tree, default_registry(), described=(), findings=[])
     assert (alone.code, alone.span.line, alone.span.column) == ("schema", 3, 1)
@@ -60,7 +60,7 @@ def test_a_schema_error_is_shown_where_the_rules_found_nothing():
     assert [finding.code for finding in found] == ["empty-control"]
 
 
-def test_errors_of_another_file_do_not_leak_into_a_validation():
+def test_errors_of_one_file_do_not_leak_into_next_validation():
     schema_errors(parse_xml(document("<Sequence/>")), default_registry())
     assert schema_errors(parse_xml(document("<Success/>")), default_registry()) == []
 
@@ -87,7 +87,7 @@ def written(element):
 
 
 @given(ELEMENTS)
-def test_the_rules_find_everything_that_the_schema_refuses(element):
+def test_rules_find_everything_that_schema_rejects(element):
     tree = parse_xml(document(written(element)))
     found = [
         finding
@@ -100,12 +100,12 @@ def test_the_rules_find_everything_that_the_schema_refuses(element):
 
 
 @pytest.mark.parametrize("name", CORRECT)
-def test_a_correct_file_is_accepted_without_the_schema(name):
+def test_correct_file_is_accepted_without_schema(name):
     tree = parse_xml(document(CORRECT[name]))
     assert is_surely_accepted(tree, default_registry())
 
 
-# What the schema, or the library that validates with it, refuses although a tag or an attribute alone looks fine.
+# Files that the schema or its validation library may reject, although each tag and attribute looks correct.
 UNUSUAL = {
     "a namespace": document("<AlwaysSuccess/>").replace("<root", '<root xmlns="urn:x"'),
     "an unbound prefix": document('<SubTree ID="Other" a:b="1"/>'),
@@ -131,11 +131,11 @@ UNUSUAL = {
 
 
 @pytest.mark.parametrize("name", UNUSUAL)
-def test_a_file_that_is_unusual_is_left_to_the_schema(name):
+def test_unusual_file_is_left_to_schema(name):
     assert not is_surely_accepted(parse_xml(UNUSUAL[name]), default_registry())
 
 
 @given(ELEMENTS, st.sampled_from(["", "\n", " x", ' " ', ' " > " ', "<!-- > \" ' -->", "&#160;"]))
-def test_a_file_that_is_accepted_without_the_schema_is_accepted_by_it(element, text):
+def test_file_accepted_without_schema_is_accepted_by_schema(element, text):
     tree = parse_xml(document(f"<Sequence>{written(element)}{text}<AlwaysSuccess/></Sequence>"))
     assert not is_surely_accepted(tree, default_registry()) or not schema_errors(tree, default_registry())

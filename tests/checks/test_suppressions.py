@@ -1,4 +1,4 @@
-"""A comment silences a finding of the element that it is about, and nothing else."""
+"""Tests that a comment suppresses a finding of its element, and nothing else."""
 
 import pytest
 
@@ -22,29 +22,29 @@ def in_tree(body):
     return found(forest_of(document(body)))
 
 
-def test_a_comment_silences_the_finding_of_the_next_element():
+def test_comment_suppresses_finding_of_next_element():
     assert in_tree(NEEDLESS.format("a")) == [("needless-node", 3, 1)]
     assert in_tree(f"<!-- sar: allow needless-node -->\n{NEEDLESS.format('a')}") == []
 
 
-def test_a_comment_in_the_line_of_an_element_is_about_that_one():
+def test_comment_in_line_of_element_applies_to_that_element():
     body = "<Sequence> <!-- sar: allow needless-node -->\n<ZonesRemaining/></Sequence>"
     assert in_tree(body) == []
 
 
-def test_a_comment_before_a_tree_is_not_about_the_nodes_in_it():
+def test_comment_before_tree_does_not_apply_to_its_nodes():
     text = document(NEEDLESS.format("a")).replace("<Beh", "<!-- sar: allow needless-node --><Beh")
     assert [code for code, *_ in found(forest_of(text))] == ["unneeded-allow", "needless-node"]
 
 
-def test_a_comment_before_root_is_about_its_attributes():
+def test_comment_before_tree_applies_to_its_attributes():
     trees = '<BehaviorTree ID="A"><ZonesRemaining/></BehaviorTree>\n{}<BehaviorTree ID="B"><ZonesRemaining/></BehaviorTree>'
     root = f'<root BTCPP_format="4" main_tree_to_execute="A">\n{trees}\n</root>'
     assert found(forest_of(root.format(""))) == [("unused-tree", 3, 19)]
     assert found(forest_of(root.format("<!-- sar: allow unused-tree -->"))) == []
 
 
-def test_a_comment_has_several_codes_and_a_reason():
+def test_comment_may_have_several_codes_and_reason():
     body = (
         f"<Sequence>{NEEDLESS.format('a')}\n"
         f"<!-- sar: allow needless-node, same-name: both are replaced by a plugin -->\n{NEEDLESS.format('a')}</Sequence>"
@@ -52,17 +52,17 @@ def test_a_comment_has_several_codes_and_a_reason():
     assert in_tree(body) == [("needless-node", 3, 11)]
 
 
-def test_the_next_element_only_is_meant():
+def test_comment_applies_only_to_next_element():
     body = f"<Sequence>\n<!-- sar: allow needless-node -->{NEEDLESS.format('a')}{NEEDLESS.format('b')}</Sequence>"
     assert [code for code, *_ in in_tree(body)] == ["needless-node"]
 
 
-def test_a_comment_that_is_not_needed_is_a_warning_at_its_code():
+def test_unneeded_comment_is_reported_at_its_code():
     body = "<!-- sar: allow needless-node, same-name: why -->\n<ZonesRemaining/>"
     assert in_tree(body) == [("unneeded-allow", 3, 17), ("unneeded-allow", 3, 32)]
 
 
-def test_a_comment_behind_the_last_element_is_about_none():
+def test_comment_after_last_element_is_unneeded():
     (finding,) = check(
         forest_of(document("<ZonesRemaining/>\n<!-- sar: allow same-name -->")), default_registry()
     )
@@ -70,32 +70,32 @@ def test_a_comment_behind_the_last_element_is_about_none():
     assert "no element follows" in finding.message
 
 
-def test_while_there_are_errors_no_comment_is_called_unneeded():
+def test_unneeded_comment_is_not_reported_while_there_are_errors():
     assert [code for code, *_ in in_tree("<!-- sar: allow same-name -->\n<Xyzzy/>")] == ["unknown-node"]
 
 
-def test_a_code_that_is_none_brings_the_nearest():
+def test_unknown_code_gets_suggestion():
     (finding,) = check(
         forest_of(document("<!-- sar: allow same-nam -->\n<ZonesRemaining/>")), default_registry()
     )
     assert (finding.code, finding.suggestion, finding.span.column) == ("wrong-allow", "same-name", 17)
 
 
-def test_an_error_cannot_be_allowed():
+def test_error_cannot_be_suppressed():
     body = '<!-- sar: allow unknown-attribute -->\n<ZonesRemaining colour="red"/>'
     assert in_tree(body) == [("wrong-allow", 3, 17), ("unknown-attribute", 4, 17)]
 
 
 @pytest.mark.parametrize("comment", ["sar: alow same-name", "sar: allow", "sar: allow : why", "sar:"])
-def test_a_comment_that_begins_like_one_and_is_none_is_found(comment):
+def test_malformed_suppression_comment_is_reported(comment):
     assert in_tree(f"<!-- {comment} -->\n<ZonesRemaining/>") == [("wrong-allow", 3, 6)]
 
 
-def test_a_text_in_a_value_is_no_comment():
+def test_text_in_value_is_no_comment():
     assert in_tree('<Sequence name="sar: allow x"><ZonesRemaining/><LogNoDetection/></Sequence>') == []
 
 
-def test_in_yaml_it_is_a_comment_of_yaml():
+def test_yaml_comment_suppresses_finding():
     text = (
         "root:\n  BTCPP_format: 4\n  children:\n    - BehaviorTree:\n        ID: Main\n        children:\n"
         "{}          - Sequence:{}\n              children: [ZonesRemaining]\n"
@@ -114,7 +114,7 @@ def test_in_yaml_it_is_a_comment_of_yaml():
     ]
 
 
-def test_a_comment_in_an_included_file_is_about_that_file(tmp_path):
+def test_comment_in_included_file_applies_to_that_file(tmp_path):
     inner = document(f"<!-- sar: allow needless-node -->{NEEDLESS.format('a')}", main="Inner")
     (tmp_path / "inner.xml").write_text(inner, encoding="utf-8")
     outer = document('<SubTree ID="Inner"/>').replace("<Beh", '<include path="inner.xml"/><Beh')

@@ -1,4 +1,4 @@
-"""Keys that a leaf writes with some of its answers only, and that are read after another one."""
+"""Tests of keys that a leaf writes only with some outcomes, and that are read after another outcome."""
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -32,20 +32,20 @@ class Say(Behaviour):
         return Status.SUCCESS
 
 
-ENDS = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
-ANSWERS = (
+STATUSES = frozenset({"SUCCESS", "FAILURE", "RUNNING"})
+OUTCOMES = (
     Outcome("SUCCESS", "seen", writes=("at",)),
     Outcome("FAILURE", "gone", writes=("at",)),
     Outcome("FAILURE", "dark", writes=()),
     Outcome("RUNNING", "looking", writes=()),
 )
-CERTAIN = tuple(answer for answer in ANSWERS if answer.label != "dark")
+CERTAIN = tuple(answer for answer in OUTCOMES if answer.label != "dark")
 REGISTRY = Registry(
     [
         *default_registry().specs(),
-        NodeSpec("Look", Look, Kind.ACTION, ENDS, outcomes=ANSWERS),
-        NodeSpec("LookWell", Look, Kind.ACTION, ENDS, outcomes=CERTAIN),
-        NodeSpec("LookSomehow", Look, Kind.ACTION, ENDS),
+        NodeSpec("Look", Look, Kind.ACTION, STATUSES, outcomes=OUTCOMES),
+        NodeSpec("LookWell", Look, Kind.ACTION, STATUSES, outcomes=CERTAIN),
+        NodeSpec("LookSomehow", Look, Kind.ACTION, STATUSES),
         NodeSpec("Say", Say, Kind.ACTION, frozenset({"SUCCESS"})),
     ]
 )
@@ -78,7 +78,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_read_that_an_end_without_it_leads_to_is_found(name: str) -> None:
+def test_read_after_outcome_that_does_not_write_is_reported(name: str) -> None:
     tree, place = WRONG[name]
     findings = found(tree)
     assert [each[:2] for each in findings] == [place]
@@ -102,11 +102,11 @@ RIGHT = {
 
 
 @pytest.mark.parametrize("name", RIGHT)
-def test_nothing_is_said_of_a_read_that_may_be_right(name: str) -> None:
+def test_read_that_may_be_correct_has_no_findings(name: str) -> None:
     assert found(f'<Sequence><Script code="seen := 0"/>{RIGHT[name]}</Sequence>') == []
 
 
-def test_the_message_names_the_leaf_the_answers_and_the_remedy() -> None:
+def test_message_names_leaf_outcome_and_remedy() -> None:
     (finding,) = (
         each
         for each in check(forest_of(document(f"<Fallback>{LOOK}{SAY}</Fallback>")), REGISTRY)

@@ -1,4 +1,4 @@
-"""What depends on the version of BehaviorTree.CPP that trees are for."""
+"""Tests of findings that depend on the target version of BehaviorTree.CPP."""
 
 import re
 from pathlib import Path
@@ -27,11 +27,11 @@ def ids(tree_id):
     return MAIN.format(f'<SubTree ID="{tree_id}"/>') + PART.format(tree_id, "<Success/>")
 
 
-# The releases of BehaviorTree.CPP in which something came to be refused.
+# The releases of BehaviorTree.CPP that began to reject a construct.
 RELEASES = {"4.8.4", "4.9.0", "4.9.1"}
 SWITCH = '<Switch2 variable="{zone}" case_1="7" case_2="8"><Success/><Success/><Success/></Switch2>'
 A_NUMBER = "a number for a port that reads a text"
-# Each: a file, the versions that it is not for, and line and column of what is said then.
+# Each: a file, the versions that reject it, and line and column of their finding.
 CASES = {
     "an ID with a blank": (ids("my tree"), {"4.9", "4.10"}, (3, 19)),
     "an ID with a dot": (ids("v.2"), {"4.9", "4.10"}, (3, 19)),
@@ -142,7 +142,7 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("version", VERSIONS)
-def test_what_a_version_refuses_is_reported_for_it_and_not_for_others(name, version):
+def test_construct_is_reported_only_for_versions_that_reject_it(name, version):
     text, refusing, place = CASES[name]
     findings = _without_constants(check(forest_of(text), default_registry(), (), VERSIONS[version]))
     severity = Severity.ERROR if name == A_NUMBER else Severity.WARNING
@@ -154,7 +154,7 @@ def test_what_a_version_refuses_is_reported_for_it_and_not_for_others(name, vers
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_it_is_the_same_in_yaml(name):
+def test_construct_in_yaml_is_reported_for_same_versions(name):
     text, refusing, _ = CASES[name]
     yaml = convert(parse_xml(text), Form.YAML).text
     for version, known in VERSIONS.items():
@@ -163,12 +163,12 @@ def test_it_is_the_same_in_yaml(name):
 
 
 def _without_constants(findings):
-    """Return the findings but those about conditions of numbers alone, by which some cases show how a script is read."""
+    """Return the findings without those about constant conditions, which some cases use to show how a script is parsed."""
     return [finding for finding in findings if finding.code != "constant-condition"]
 
 
 def in_script(code):
-    """Return the findings about a script that gives `a` and `b` values, by version: their codes, lines, columns and hints."""
+    """Return the codes, lines, columns and hints of the findings about a script that assigns `a` and `b`, by version."""
     text = document(f'<Sequence>\n<Script code="{code}"/>\n<ScriptCondition code="a == b"/>\n</Sequence>')
     return {
         name: [
@@ -180,7 +180,7 @@ def in_script(code):
 
 
 @pytest.mark.parametrize("sign", [":=", "=", "+=", "-=", "*=", "/="])
-def test_a_second_assignment_in_an_expression_is_reported(sign):
+def test_second_assignment_in_expression_is_reported(sign):
     found = in_script(f"b := 4; a := b {sign} 2")
     assert ([code for code, *_ in found["4.8"]], found["4.10"]) == (["btcpp-version"], [])
 
@@ -188,7 +188,7 @@ def test_a_second_assignment_in_an_expression_is_reported(sign):
 @pytest.mark.parametrize(
     ("code", "column"), [("a := 1 b := 2", 22), ("a := (1) (b := 2)", 25), ("a := 1; b := 2 (a += 1)", 31)]
 )
-def test_statements_that_look_like_one_are_told_whatever_the_version(code, column):
+def test_touching_statements_are_reported_for_every_version(code, column):
     found = in_script(code)
     hint = "write ; between the two statements, or write the missing operator"
     assert found["4.8"] == [("btcpp-version", 4, column, "write ; between the two")]
@@ -198,17 +198,17 @@ def test_statements_that_look_like_one_are_told_whatever_the_version(code, colum
 @pytest.mark.parametrize(
     "code", ["a := 1;b := 2", "a := (1);;(b := 2);", "a := 1\nb := 2", "a := 1 &#10; b := (2)"]
 )
-def test_statements_that_do_not_look_like_one_are_not(code):
+def test_separated_statements_are_not_reported(code):
     assert in_script(code)["4.10"] == []
 
 
-def test_a_choice_in_words_is_told_how_to_choose():
+def test_choice_in_words_gets_hint_with_operator():
     found = in_script("a := 1 if 0 else 2; b := 1")["4.10"]
     assert ("idle-statement", 4, 22, "write a choice as 'condition ? value : other value'") in found
 
 
 @pytest.mark.parametrize("around", ["ReactiveSequence", 'Control ID="ReactiveSequence"'])
-def test_a_node_in_explicit_form_is_told_where_btcpp_does_not_find_it(around):
+def test_explicit_node_in_reactive_sequence_is_reported(around):
     inner = (
         '<Condition ID="DetectSurvivor"/><Sequence><Action ID="NavigateToBase"/></Sequence><NavigateToZone/>'
     )
@@ -230,7 +230,7 @@ def test_a_node_in_explicit_form_is_told_where_btcpp_does_not_find_it(around):
         ('<Script code="{c}"/>', True),
     ],
 )
-def test_only_the_script_of_a_script_condition_has_no_type_as_in_btcpp(node, refused):
+def test_only_script_condition_accepts_number_as_script(node, refused):
     text = document('<Sequence><SubTree ID="S" c="1"/></Sequence>').replace(
         "</root>", f'<BehaviorTree ID="S">{node}</BehaviorTree></root>'
     )
@@ -238,7 +238,7 @@ def test_only_the_script_of_a_script_condition_has_no_type_as_in_btcpp(node, ref
     assert ("btcpp-version" in codes) == refused
 
 
-def test_elsewhere_the_explicit_form_is_as_good_as_any():
+def test_explicit_node_in_reactive_fallback_is_not_reported():
     text = document(
         '<ReactiveFallback><Condition ID="DetectSurvivor"/><Action ID="NavigateToBase"/></ReactiveFallback>'
     )
@@ -246,18 +246,18 @@ def test_elsewhere_the_explicit_form_is_as_good_as_any():
 
 
 @pytest.mark.parametrize("tree_id", ["Größe", "ROOT", "a-b", "a_b", "Timer", "Success", "Condition"])
-def test_what_every_version_takes_as_an_id_is_one(tree_id):
+def test_id_accepted_by_every_version_has_no_findings(tree_id):
     assert check(forest_of(ids(tree_id)), default_registry()) == []
 
 
 @pytest.mark.parametrize("tree_id", ["my tree", "v.2", "Root"])
 @pytest.mark.parametrize(("version", "said"), [("4.8", 0), ("4.10", 1)])
-def test_conversion_is_for_the_version_as_well(tree_id, version, said):
+def test_conversion_depends_on_version(tree_id, version, said):
     notes = to_btcpp(parse_xml(ids(tree_id)), default_registry(), (), VERSIONS[version])[1]
     assert [note.code for note in notes] == ["no-counterpart"] * said
 
 
-def test_a_node_of_a_newer_version_has_no_counterpart_in_an_older_one():
+def test_node_of_newer_version_has_no_counterpart_in_older_version():
     text, _, _ = CASES["a node of a newer version"]
     for version, said in (("4.8", ["no-counterpart"]), ("4.9", [])):
         notes = to_btcpp(parse_xml(text), default_registry(), (), VERSIONS[version])[1]
@@ -266,7 +266,7 @@ def test_a_node_of_a_newer_version_has_no_counterpart_in_an_older_one():
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """Return a function that writes what a project's trees are for."""
+    """Return a function that writes the configuration of a project."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tree.xml").write_text(ids("my tree"), encoding="utf-8")
 
@@ -276,7 +276,7 @@ def project(tmp_path, monkeypatch):
     return write
 
 
-def test_a_projects_configuration_says_the_version(project, capsys):
+def test_project_configuration_sets_version(project, capsys):
     assert load("tree.xml").project.configuration.btcpp is None
     assert main(["validate", "--strict", "tree.xml"]) == 1
     project('[language]\nbtcpp = "4.8"\n')
@@ -287,25 +287,25 @@ def test_a_projects_configuration_says_the_version(project, capsys):
     assert main(["convert", "--to", "btcpp", "tree.xml"]) == 0
 
 
-def test_pyproject_toml_says_it_in_its_own_table(project):
+def test_pyproject_toml_sets_version_in_project_table(project):
     project('[tool.sar.language]\nbtcpp = "4.9"\n', "pyproject.toml")
     assert load("tree.xml").project.configuration.btcpp == VERSIONS["4.9"]
 
 
 @pytest.mark.parametrize("written", ['"4.7"', "4.8", '"4"'])
-def test_a_version_that_is_not_known_is_a_mistake_of_the_configuration(project, capsys, written):
+def test_unknown_version_is_configuration_error(project, capsys, written):
     project(f"[language]\nbtcpp = {written}\n")
     assert main(["validate", "tree.xml"]) == 1
     assert "sar.toml:2:" in capsys.readouterr().out
 
 
-def test_a_tree_that_a_version_refuses_is_run_all_the_same(project):
+def test_tree_rejected_by_version_can_be_run(project):
     compiled = load("tree.xml").compile()
     compiled.root.tick_once()
     assert compiled.root.status.name == "SUCCESS"
 
 
-def test_the_page_has_no_other_releases_than_those_of_known_versions():
+def test_page_lists_only_releases_of_known_versions():
     rows = [
         cells[0] for heading, _, cells in tables(Path("docs/reference/btcpp.md")) if heading == "Versions"
     ]

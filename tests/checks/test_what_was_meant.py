@@ -1,4 +1,4 @@
-"""One mistake gives one finding, which names what was probably meant."""
+"""Tests that one error has one finding, which names the likely intention."""
 
 import pytest
 
@@ -23,7 +23,7 @@ def found(text):
     return places(check(forest_of(text), default_registry()))
 
 
-# Each: what is written in the tree (its first line is line 3), then code, line, column and suggestion.
+# Each: the text of the tree (its first line is line 3), then code, line, column and suggestion.
 IN_A_TREE = {
     "a node's name of BehaviorTree.CPP 3": (
         "<SequenceStar><LogNoDetection/><NavigateToBase/></SequenceStar>",
@@ -113,23 +113,23 @@ IN_A_TREE = {
 
 
 @pytest.mark.parametrize("name", IN_A_TREE)
-def test_what_was_meant_is_named(name):
+def test_error_in_tree_has_one_finding_with_suggestion(name):
     body, expected = IN_A_TREE[name]
     findings = [f for f in found(document(body)) if f[0] != "recursive-tree"]
     assert findings == [expected]
 
 
-def test_a_root_in_the_wrong_case_is_one():
+def test_root_in_wrong_case_gets_suggestion():
     text = '<Root BTCPP_format="4"><BehaviorTree ID="Main"><NavigateToBase/></BehaviorTree></Root>'
     assert found(text) == [("wrong-root", 1, 1, "root")]
 
 
-def test_a_misspelt_tree_is_not_missing_as_well():
+def test_misspelt_tree_element_is_not_also_reported_as_missing():
     text = '<root BTCPP_format="4">\n<BehaviourTree ID="Main"><NavigateToBase/></BehaviourTree></root>'
     assert found(text) == [("unknown-element", 2, 1, "BehaviorTree")]
 
 
-def test_a_misspelt_tree_is_not_missing_where_it_is_used():
+def test_misspelt_tree_element_is_not_reported_at_its_use():
     text = document('<SubTree ID="Side"/>').replace(
         "</root>", '<Behaviortree ID="Side"><NavigateToBase/></Behaviortree></root>'
     )
@@ -145,38 +145,38 @@ SUBTREE = (
 @pytest.mark.parametrize(
     ("written", "meant"), [("autoremap", "_autoremap"), ("skipIf", "_skipIf"), ("onsuccess", "_onSuccess")]
 )
-def test_an_attribute_of_a_subtree_without_its_underscore_is_named_with_it(written, meant):
+def test_subtree_attribute_without_underscore_gets_suggestion(written, meant):
     text = SUBTREE.format(main=f'<SubTree ID="Rest" {written}="true"/>', rest="<NavigateToBase/>")
     assert found(text) == [("unused-argument", 2, 20, meant)]
 
 
-def test_a_key_that_a_subtree_is_given_and_nobody_writes_is_found_where_it_is_given():
+def test_unwritten_key_passed_to_subtree_is_found_at_argument():
     main = '<Sequence><Script code="pause := 5"/>\n<SubTree ID="Rest" time="{puase}"/><ScriptCondition code="pause == 5"/></Sequence>'
     text = SUBTREE.format(main=main, rest='<Sleep msec="{time}"/>')
     assert found(text) == [("unwritten-key", 3, 26, "{pause}")]
 
 
-def test_a_key_that_is_given_by_a_misspelt_name_is_not_unread_as_well():
+def test_key_in_misspelt_argument_is_not_also_reported_as_unread():
     main = '<Sequence><Script code="pause := 5"/>\n<SubTree ID="Rest" tiem="{pause}"/></Sequence>'
     text = SUBTREE.format(main=main, rest='<Sleep msec="{time}"/>')
     assert found(text) == [("unused-argument", 3, 20, "time")]
 
 
-def test_a_tree_whose_name_stands_in_name_is_not_missing_as_well():
+def test_tree_with_name_instead_of_id_is_not_also_missing():
     text = SUBTREE.format(main='<SubTree ID="Rest"/>', rest="<NavigateToBase/>").replace(
         'ID="Rest">\n', 'name="Rest">\n'
     )
     assert [(code, suggestion) for code, _, _, suggestion in found(text)] == [("unknown-attribute", "ID")]
 
 
-def test_a_main_tree_whose_name_stands_in_name_is_not_missing_as_well():
+def test_main_tree_with_name_instead_of_id_is_not_also_missing():
     text = SUBTREE.format(main='<SubTree ID="Rest"/>', rest="<NavigateToBase/>").replace(
         'ID="Main">', 'name="Main">'
     )
     assert [(code, suggestion) for code, _, _, suggestion in found(text)] == [("unknown-attribute", "ID")]
 
 
-def test_a_text_for_an_output_of_a_subtree_is_told_where_it_stands():
+def test_string_for_output_of_subtree_is_found_at_argument():
     main = '<SubTree ID="Rest"\nfound="yes"/>'
     model = '<TreeNodesModel><SubTree ID="Rest"><output_port name="found"/></SubTree></TreeNodesModel>'
     text = SUBTREE.format(main=main, rest='<Script code="found := 1"/>').replace("</root>", f"{model}</root>")
@@ -201,17 +201,17 @@ def included(folder, include, end="</root>"):
     ]
 
 
-def test_an_included_file_that_is_not_there_is_named_as_the_one_beside_it(tmp_path):
+def test_missing_include_suggests_similar_file(tmp_path):
     assert included(tmp_path, 'path="./part.xml"') == [
         ("main.xml", "unreadable-include", 2, 16, "./parts.xml")
     ]
 
 
-def test_a_path_by_another_name_is_one(tmp_path):
+def test_wrong_attribute_for_include_path_gets_suggestion(tmp_path):
     assert included(tmp_path, 'file="parts.xml"') == [("main.xml", "unknown-attribute", 2, 10, "path")]
 
 
-def test_trees_of_a_malformed_file_are_not_missing_as_well(tmp_path):
+def test_trees_of_malformed_file_are_not_also_missing(tmp_path):
     findings = included(tmp_path, 'path="parts.xml"', end="")
     assert [(file, code) for file, code, *_ in findings] == [("parts.xml", "malformed-xml")]
 
@@ -237,7 +237,7 @@ MALFORMED = {
 
 
 @pytest.mark.parametrize("name", MALFORMED)
-def test_what_xml_does_not_take_is_found_with_what_to_write(name):
+def test_xml_syntax_error_has_location_and_suggestion(name):
     body, line, column, suggestion, words = MALFORMED[name]
     *place, message = malformed(body)
     assert place == [line, column, suggestion]
@@ -245,7 +245,7 @@ def test_what_xml_does_not_take_is_found_with_what_to_write(name):
 
 
 @pytest.mark.parametrize("name", ["child", "nodes"])
-def test_a_list_of_nodes_in_yaml_by_another_name_is_the_children(name):
+def test_wrong_name_for_children_in_yaml_gets_suggestion(name):
     text = (
         "root:\n  children:\n  - BehaviorTree:\n      children:\n      - Sequence:\n"
         f"          {name}:\n          - LogNoDetection\n          - NavigateToBase\n"
@@ -265,7 +265,7 @@ NOTED = (
 @pytest.mark.parametrize(
     "note", [*NOTES, "_hidden", "_id", "_note", "_x", "_position", "_größe", "_skip_list", "_on"]
 )
-def test_a_note_of_an_editor_is_taken_wherever_it_writes_it(note):
+def test_editor_note_is_accepted_in_every_element(note):
     assert found(NOTED.format(f'{note}="1"')) == []
     yaml = convert(parse_xml(NOTED.format(f'{note}="1"')), Form.YAML).text
     assert yaml.count(note) == 6
@@ -276,7 +276,7 @@ def test_a_note_of_an_editor_is_taken_wherever_it_writes_it(note):
     "name", ["_skipWhen", "_onExit", "_whileNot", "_successWhen", "_failureOn", "_postScript"]
 )
 @pytest.mark.parametrize("node", ["<NavigateToBase {}/>", '<SubTree ID="Rest" {}/>'])
-def test_a_note_that_reads_as_a_condition_is_a_warning(node, name):
+def test_note_named_like_condition_is_warning(node, name):
     text = SUBTREE.format(main=node.format(f'{name}="true"'), rest="<NavigateToBase/>")
     [finding] = [each for each in check(forest_of(text), default_registry()) if each.code != "unused-tree"]
     assert (finding.code, finding.severity) == ("unknown-attribute", Severity.WARNING)
@@ -302,7 +302,7 @@ LIKE_NOTES = {
 
 
 @pytest.mark.parametrize("name", LIKE_NOTES)
-def test_a_note_that_seems_to_control_a_node_is_a_warning_that_says_what_does(name):
+def test_note_that_seems_to_control_node_is_warning_with_hint(name):
     value, hint = LIKE_NOTES[name]
     text = document(f'<Sequence><Script code="ready := 1"/><NavigateToBase {name}="{value}"/></Sequence>')
     [finding] = [
@@ -314,7 +314,7 @@ def test_a_note_that_seems_to_control_a_node_is_a_warning_that_says_what_does(na
 @pytest.mark.parametrize(
     "value", ["see issue 5", "left to right", "-12", "a-b", "1;2", "other", "x", "#fff", "1 < 2"]
 )
-def test_a_note_with_a_text_that_is_no_condition_is_taken(value):
+def test_note_whose_value_is_no_condition_is_accepted(value):
     text = document(
         f'<Sequence><Script code="ready := 1"/><NavigateToBase _mine="{value.replace("<", "&lt;")}"/></Sequence>'
     )
@@ -322,7 +322,7 @@ def test_a_note_with_a_text_that_is_no_condition_is_taken(value):
 
 
 @pytest.mark.parametrize("place", ["root", "BehaviorTree", "include"])
-def test_a_condition_that_nothing_asks_there_is_no_note(place):
+def test_condition_outside_node_is_unknown_attribute(place):
     text = (
         '<root BTCPP_format="4"><include path="a.xml"/><BehaviorTree ID="A"><Success/></BehaviorTree></root>'
     )
@@ -341,27 +341,27 @@ def test_a_condition_that_nothing_asks_there_is_no_note(place):
         *((f"BlackboardCheck{kind}", "Precondition") for kind in ("Bool", "Double", "Int", "String")),
     ],
 )
-def test_a_name_that_a_node_once_had_is_known(former, today):
+def test_former_node_name_suggests_current_name(former, today):
     assert found(document(f"<{former}><Success/></{former}>"))[0] == ("unknown-node", 3, 1, today)
 
 
 @pytest.mark.parametrize("tag", ["CheckCondition", "LogTextAction", "NavigateToPose", "IsSurvivorFound"])
-def test_a_node_of_somebody_else_is_not_taken_for_a_leaf_of_the_mission(tag):
+def test_foreign_node_does_not_suggest_mission_leaf(tag):
     [(code, _, _, suggestion)] = found(document(f"<{tag}/>"))
     assert (code, suggestion) == ("unknown-node", None)
 
 
-def test_a_leaf_is_guessed_where_another_one_of_its_mission_is_used():
+def test_mission_leaf_is_suggested_beside_another_leaf_of_mission():
     [alone] = found(document("<NavigateZones/>"))
     beside = found(document("<Sequence><NavigateToBase/>\n<NavigateZones/></Sequence>"))
     assert (alone[3], [each[3] for each in beside]) == (None, ["NavigateToZone"])
 
 
-def test_nearly_its_own_name_is_meant_by_no_other_word():
+def test_small_typo_in_mission_leaf_gets_suggestion():
     assert found(document("<NavigateToBse/>")) == [("unknown-node", 3, 1, "NavigateToBase")]
 
 
-def test_a_tag_that_is_the_id_of_a_tree_is_told_as_a_subtree():
+def test_tag_that_is_tree_id_gets_subtree_hint():
     text = SUBTREE.format(main="<Rest/>", rest="<NavigateToBase/>")
     [finding] = [each for each in check(forest_of(text), default_registry()) if each.code == "unknown-node"]
     assert finding.message == "there is no node 'Rest', but there is a tree of this name"

@@ -1,4 +1,4 @@
-"""Keys, scripts and subtrees that are well-formed and wrong: each mistake gets one finding, where it stands."""
+"""Tests of well-formed but wrong keys, scripts and subtrees: each error has one finding, with its location."""
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -44,16 +44,16 @@ class Meddle(Leaf):
         self.scope = scope
 
 
-ENDS = frozenset({"SUCCESS", "FAILURE"})
-LEAVES = [NodeSpec(cls.__name__, cls, Kind.ACTION, ENDS) for cls in (Say, Find, Meddle)]
-REGISTRY = Registry([*default_registry().specs(), *LEAVES, NodeSpec("CountUp", Count, Kind.ACTION, ENDS)])
+STATUSES = frozenset({"SUCCESS", "FAILURE"})
+LEAVES = [NodeSpec(cls.__name__, cls, Kind.ACTION, STATUSES) for cls in (Say, Find, Meddle)]
+REGISTRY = Registry([*default_registry().specs(), *LEAVES, NodeSpec("CountUp", Count, Kind.ACTION, STATUSES)])
 
 
 def found(text):
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in check(forest_of(text), REGISTRY)]
 
 
-MISTAKES = {
+ERRORS = {
     "a key that nobody writes": (
         '<Say text="{greeting}"/>',
         ("unwritten-key", 3, 12, None),
@@ -173,9 +173,9 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_key_that_is_used_wrongly_gets_one_finding(name):
-    body, expected, words = MISTAKES[name]
+@pytest.mark.parametrize("name", ERRORS)
+def test_wrongly_used_key_has_one_finding(name):
+    body, expected, words = ERRORS[name]
     (finding,) = check(forest_of(document(body)), REGISTRY)
     span = finding.span
     assert (finding.code, span.line, span.column, finding.suggestion) == expected
@@ -188,16 +188,16 @@ def trees(main, *others):
     return f'<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{main}</BehaviorTree>{inner}</root>'
 
 
-def test_a_tree_that_is_in_no_other_is_found():
+def test_unused_tree_is_reported():
     assert found(trees("<Success/>", ("B", "<Success/>"))) == [("unused-tree", 3, 19, None)]
 
 
-def test_of_trees_that_only_use_each_other_the_outermost_is_found():
+def test_only_outermost_of_unused_trees_is_reported():
     text = trees("<Success/>", ("B", '<SubTree ID="C"/>'), ("C", "<Success/>"))
     assert found(text) == [("unused-tree", 3, 19, None)]
 
 
-def test_what_a_subtree_is_given_and_does_not_look_at_is_found_with_the_nearest_key():
+def test_unused_argument_of_subtree_suggests_similar_key():
     text = trees(
         '<SubTree ID="B" at="hi" texxt="hi"/>',
         ("B", '<Sequence><Say text="{text}"/><Say text="{at}"/></Sequence>'),
@@ -205,13 +205,13 @@ def test_what_a_subtree_is_given_and_does_not_look_at_is_found_with_the_nearest_
     assert found(text) == [("unused-argument", 2, 49, "text")]
 
 
-def test_a_key_that_a_subtree_is_not_given_is_found_where_it_is_read():
+def test_key_not_passed_to_subtree_is_found_at_its_read():
     (finding,) = check(forest_of(trees('<SubTree ID="B"/>', ("B", '<Say text="{text}"/>'))), REGISTRY)
     assert (finding.code, finding.span.line, finding.span.column) == ("unwritten-key", 3, 33)
     assert finding.hint == 'pass it to the subtree, <SubTree ID="B" text="..."/>, or write it in a node'
 
 
-def test_a_key_that_comes_by_way_of_a_subtree_is_followed_to_where_it_is_read_too_early():
+def test_key_passed_to_subtree_is_followed_to_early_read():
     text = trees(
         '<Sequence>\n<SubTree ID="B" text="{place}"/>\n<Find at="{place}"/></Sequence>',
         ("B", '<Say text="{text}"/>'),
@@ -219,7 +219,7 @@ def test_a_key_that_comes_by_way_of_a_subtree_is_followed_to_where_it_is_read_to
     assert found(text) == [("read-before-write", 5, 33, None)]
 
 
-def test_a_key_that_is_passed_as_in_version_3_is_told_where_it_is_passed():
+def test_key_passed_without_braces_is_warning_at_argument():
     body = '<Sequence>\n<Find at="{place}"/>\n<SubTree ID="B" text="place"/>\n<SubTree ID="B" text="Place"/></Sequence>'
     (finding,) = check(forest_of(trees(body, ("B", '<Say text="{text}"/>'))), REGISTRY)
     assert (finding.code, finding.span.line, finding.span.column) == ("key-as-text", 4, 23)
@@ -227,18 +227,18 @@ def test_a_key_that_is_passed_as_in_version_3_is_told_where_it_is_passed():
 
 
 @pytest.mark.parametrize("other", ['text="{place}"', 'text="@place"', 'text="A place"', 'text=""'])
-def test_another_text_for_a_subtree_is_meant(other):
+def test_other_string_argument_of_subtree_is_no_finding(other):
     body = f'<Sequence><Find at="{{place}}"/><Say text="{{place}}"/><SubTree ID="B" {other}/></Sequence>'
     assert check(forest_of(trees(body, ("B", '<Say text="{text}"/>'))), REGISTRY) == []
 
 
 @pytest.mark.parametrize("code", ["text == 'place'", "1 == ('place' != text)"])
-def test_a_text_that_the_subtree_compares_its_key_with_is_meant(code):
+def test_string_that_subtree_compares_with_its_key_is_no_finding(code):
     body = '<Sequence><Find at="{place}"/><Say text="{place}"/><SubTree ID="B" text="place"/></Sequence>'
     assert check(forest_of(trees(body, ("B", f'<ScriptCondition code="{code}"/>'))), REGISTRY) == []
 
 
-def test_a_text_that_the_subtree_compares_another_key_with_may_be_a_key():
+def test_string_that_subtree_compares_with_another_key_is_reported():
     body = '<Sequence><Find at="{place}"/><SubTree ID="B" text="place"/></Sequence>'
     text = trees(body, ("B", "<ScriptCondition code=\"text == 'a' || @x == 'place'\"/>"))
     assert "key-as-text" in [code for code, *_ in found(text)]
@@ -248,7 +248,7 @@ def test_a_text_that_the_subtree_compares_another_key_with_may_be_a_key():
     ("code", "statement"),
     [("n := 1 minute", "minute"), ("n := 1 if n else 2", "if n else 2"), ("minute; n := 1", "minute")],
 )
-def test_a_word_that_is_a_statement_of_its_own_is_told_once(code, statement):
+def test_word_that_is_separate_statement_has_one_finding(code, statement):
     (finding,) = check(
         forest_of(document(f'<Sequence><Script code="{code}"/><ScriptCondition code="n == 1"/></Sequence>')),
         REGISTRY,
@@ -260,7 +260,7 @@ def test_a_word_that_is_a_statement_of_its_own_is_told_once(code, statement):
 MISSPELT = '<Find at="{place}"/><Say text="{plaice}"/>'
 
 
-def test_a_misspelt_key_is_found_beside_another_mistake():
+def test_misspelt_key_is_found_beside_another_error():
     body = f"<Sequence>{MISSPELT}<Wiat/></Sequence>"
     assert sorted(code for code, *_ in found(document(body))) == ["unknown-node", "unwritten-key"]
 
@@ -275,18 +275,18 @@ def test_a_misspelt_key_is_found_beside_another_mistake():
         '<Wiat><Find at="{plaice}"/></Wiat>',
     ],
 )
-def test_a_mistake_that_may_write_the_key_keeps_a_misspelling_back(mistake):
+def test_misspelt_key_is_not_reported_if_faulty_node_may_write_it(mistake):
     codes = [code for code, *_ in found(document(f"<Sequence>{MISSPELT}{mistake}</Sequence>"))]
     assert codes
     assert "unwritten-key" not in codes
 
 
-def test_a_mistake_elsewhere_may_be_why_a_key_is_not_written():
+def test_unwritten_key_is_not_reported_if_faulty_script_may_write_it():
     body = '<Sequence>\n<Script code="a :="/>\n<ScriptCondition code="a"/></Sequence>'
     assert [code for code, *_ in found(document(body))] == ["script-error"]
 
 
-RIGHT = {
+CORRECT = {
     "a variable that its script has made": (
         '<Sequence><Script code="n := 1; b := n + (c := n)"/><ScriptCondition code="b == c"/></Sequence>'
     ),
@@ -321,20 +321,20 @@ RIGHT = {
 }
 
 
-@pytest.mark.parametrize("name", RIGHT)
-def test_nothing_is_said_of_keys_that_are_used_rightly(name):
-    findings = [f.render() for f in check(forest_of(document(RIGHT[name])), REGISTRY)]
+@pytest.mark.parametrize("name", CORRECT)
+def test_correctly_used_keys_have_no_findings(name):
+    findings = [f.render() for f in check(forest_of(document(CORRECT[name])), REGISTRY)]
     assert findings == []
 
 
-def test_a_script_in_an_entry_may_write_any_key_and_is_too_late_for_btcpp():
+def test_script_in_key_may_write_any_key_but_is_too_late_for_btcpp():
     body = '<Sequence><SetBlackboard value="a:=1" output_key="s"/><Script code="{s}"/><ScriptCondition code="a"/></Sequence>'
     (finding,) = check(forest_of(document(body)), REGISTRY)
     assert (finding.code, finding.severity) == ("cpp-type-mismatch", Severity.WARNING)
     assert "needs the script in 's' before <SetBlackboard> writes it" in finding.message
 
 
-def test_a_script_that_a_subtree_is_given_is_there_in_time_for_btcpp():
+def test_script_passed_to_subtree_has_no_findings():
     text = (
         '<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><SubTree ID="P" s="a:=1"/></BehaviorTree>'
         '<BehaviorTree ID="P"><Script code="{s}"/></BehaviorTree></root>'
@@ -342,13 +342,13 @@ def test_a_script_that_a_subtree_is_given_is_there_in_time_for_btcpp():
     assert check(forest_of(text), REGISTRY) == []
 
 
-def test_a_key_that_is_written_for_nobody_is_only_worth_knowing():
+def test_unread_key_is_info():
     body = '<Sequence><Script code="a := 1"/><Success/></Sequence>'
     (finding,) = check(forest_of(document(body)), REGISTRY)
     assert finding.severity is Severity.INFO
 
 
-def test_a_tree_for_others_may_read_what_its_model_says_it_is_given():
+def test_tree_may_read_input_ports_of_its_model():
     text = document('<Say text="{greeting}"/>').replace(
         "</root>",
         '<TreeNodesModel><SubTree ID="Main"><input_port name="greeting"/></SubTree></TreeNodesModel></root>',
@@ -356,12 +356,12 @@ def test_a_tree_for_others_may_read_what_its_model_says_it_is_given():
     assert found(text) == []
 
 
-def test_what_a_subtree_writes_for_nobody_is_found_in_it():
+def test_unread_key_written_by_subtree_is_found_in_subtree():
     text = trees('<SubTree ID="B" p="{place}"/>', ("B", '<Script code="p := 1"/>'))
     assert found(text) == [("unread-key", 3, 36, None)]
 
 
-def test_what_a_subtree_is_given_for_nothing_does_not_hide_what_another_node_writes_for_nobody():
+def test_unused_argument_does_not_hide_unread_key():
     text = trees(
         '<Sequence><Script code="a := 1"/><SubTree ID="B" x="{@y}"/></Sequence>', ("B", "<Success/>")
     )
@@ -369,7 +369,7 @@ def test_what_a_subtree_is_given_for_nothing_does_not_hide_what_another_node_wri
 
 
 @pytest.mark.parametrize("leaf", ['<UnsetBlackboard key="a"/>', '<UnsetBlackboardVariable key="a"/>'])
-def test_who_only_removes_a_key_reads_nothing_and_writes_nothing(leaf):
+def test_node_that_unsets_key_neither_reads_nor_writes_it(leaf):
     body = f'<Sequence>\n<Script code="a := 1"/>\n{leaf}\n</Sequence>'
     assert found(document(body)) == [("unread-key", 4, 15, None)]
     body = f'<Sequence>\n{leaf}\n<Say text="{{a}}"/>\n</Sequence>'
@@ -393,7 +393,7 @@ def test_who_only_removes_a_key_reads_nothing_and_writes_nothing(leaf):
         *(f'<Loop{of} queue="{{a}}"><Success/></Loop{of}>' for of in ("Bool", "Double", "Int", "String")),
     ],
 )
-def test_who_can_do_without_a_key_may_ask_for_it_before_it_is_written(node):
+def test_node_that_tolerates_missing_key_may_precede_its_write(node):
     value = "'1'" if "queue" in node else "1"
     assert found(document(f'<Sequence>{node}<Script code="a := {value}"/></Sequence>')) == []
 
@@ -407,7 +407,7 @@ def test_who_can_do_without_a_key_may_ask_for_it_before_it_is_written(node):
         '<ForEach source_key="{@list}" target_key="a"><Success/></ForEach>',
     ],
 )
-def test_who_writes_a_key_without_looking_at_it_overwrites_what_was_there(node):
+def test_node_that_writes_key_without_reading_it_overwrites_value(node):
     text = document(f'<Sequence>\n{node}\n{node}\n<Say text="{{a}}"/></Sequence>')
     assert [(code, line) for code, line, *_ in found(text)] == [("overwritten-key", 5)]
 
@@ -417,7 +417,7 @@ def test_who_writes_a_key_without_looking_at_it_overwrites_what_was_there(node):
     [("{survivr}", "{survivor}", "{survivor}"), ("{survivors}", "{survivor}", None), ("{survivor}", "{survivors}", None),
      ("{survivor2}", "{survivor1}", None)],
 )  # fmt: skip
-def test_in_a_tree_that_others_may_give_keys_only_what_must_be_a_slip_is_one(read, written, suggestion):
+def test_unwritten_key_in_unused_tree_is_reported_only_if_misspelt(read, written, suggestion):
     body = f'<Sequence><Find at="{written}"/><Say text="{read}"/></Sequence>'
     text = (
         document("<Success/>")
@@ -436,7 +436,7 @@ PALETTE = parse_xml(
 LATE = '<ScriptCondition code="speed > 1"/>\n<Script code="speed := 2"/>'
 
 
-def beside(body):
+def findings_beside_palette(body):
     """Return the findings about keys in a sequence with nodes that a palette describes."""
     findings = check(forest_of(document(f"<Sequence>\n{body}\n</Sequence>")), REGISTRY, [PALETTE])
     return [(each.code, each.severity.value, each.span.line) for each in findings]
@@ -450,24 +450,24 @@ def beside(body):
         ('<Say text="{a}"/>', "unwritten-key"),
     ],
 )
-def test_beside_a_leaf_of_a_palette_a_key_without_value_is_one_level_milder(body, code):
-    assert beside(f"{body}\n<Success/>") == [(code, "warning", 4)]
-    assert beside(f'{body}\n<Drive gear="{{gear}}"/>') == [(code, "info", 4)]
+def test_key_without_value_beside_described_leaf_has_lower_severity(body, code):
+    assert findings_beside_palette(f"{body}\n<Success/>") == [(code, "warning", 4)]
+    assert findings_beside_palette(f'{body}\n<Drive gear="{{gear}}"/>') == [(code, "info", 4)]
 
 
-def test_a_milder_finding_says_what_may_speak_against_it():
+def test_finding_of_lower_severity_names_exception():
     body = f'<Sequence>{LATE}<Drive gear="{{speed}}"/></Sequence>'
     (finding,) = check(forest_of(document(body)), REGISTRY, [PALETTE])
     assert finding.message.endswith("writes it, but is ticked later, unless C++ code writes it")
 
 
-def test_the_output_of_a_leaf_of_a_palette_writes_a_key_and_its_input_does_not():
-    assert beside('<Look seen="{a}"/>\n<Say text="{a}"/>') == []
-    assert beside('<Drive gear="{a}"/>\n<Say text="{a}"/>') == [("unwritten-key", "info", 5)]
+def test_only_output_port_of_described_leaf_writes_key():
+    assert findings_beside_palette('<Look seen="{a}"/>\n<Say text="{a}"/>') == []
+    assert findings_beside_palette('<Drive gear="{a}"/>\n<Say text="{a}"/>') == [("unwritten-key", "info", 5)]
 
 
-def test_a_key_that_only_the_leaves_of_palettes_read_may_come_from_their_program():
-    assert beside('<Drive gear="{a}"/>\n<Look seen="{b}"/>') == []
+def test_key_read_only_by_described_leaves_is_no_finding():
+    assert findings_beside_palette('<Drive gear="{a}"/>\n<Look seen="{b}"/>') == []
 
 
 @pytest.mark.parametrize(
@@ -483,11 +483,11 @@ def test_a_key_that_only_the_leaves_of_palettes_read_may_come_from_their_program
         ('<Look seen="{s}"/>\n<ScriptCondition code="s == RED"/>', ("unwritten-key", "info", 5)),
     ],
 )
-def test_what_is_wrong_with_a_key_beside_a_palette_is_never_silent(body, finding):
-    assert beside(body) == [finding]
+def test_key_error_beside_described_leaves_is_always_reported(body, finding):
+    assert findings_beside_palette(body) == [finding]
 
 
-def test_a_name_that_may_be_an_enumeration_is_mentioned_with_that_reason():
+def test_possible_enumerator_is_reported_with_that_reason():
     body = '<Sequence><Look seen="{s}"/><ScriptCondition code="s == RED"/></Sequence>'
     (finding,) = check(forest_of(document(body)), REGISTRY, [PALETTE])
     assert (

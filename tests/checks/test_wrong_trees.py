@@ -1,4 +1,4 @@
-"""Trees that are well-formed and wrong: each mistake gets one finding, where it stands."""
+"""Tests of well-formed but wrong trees: each error has one finding, with its location."""
 
 import html
 from dataclasses import replace
@@ -19,7 +19,7 @@ from tests.trees import document, forest_of
 
 
 def leaf(tag, outcomes, kind=Kind.ACTION, effects="", uses=()):
-    """Register a leaf of which nothing matters but what it declares."""
+    """Return the specification of a leaf, of which only the declaration matters."""
 
     def init(self, name: str) -> None:
         Behaviour.__init__(self, name)
@@ -48,9 +48,9 @@ def found(text):
     return [(f.code, f.span.line, f.span.column) for f in findings_of(text)]
 
 
-# Each: what is written in the tree (its first line is line 3), then code, line, column and a part of the message.
-MISTAKES = {
-    # done again, interrupted again
+# Each: the text of the tree (its first line is line 3), then code, line, column and a part of the message.
+ERRORS = {
+    # repeated effects, repeated interruptions
     "an action before one that takes time, without memory": (
         '<Sequence name="S" memory="false">\n<Ready/>\n<Beep/>\n<Drive/>\n</Sequence>',
         ("repeated-effect", 5, 1, "'Beep' would publish a tone in every tick while 'Drive' runs"),
@@ -78,7 +78,7 @@ MISTAKES = {
         ),
         ("lost-progress", 5, 1, "'Steps' starts over with 'Look'"),
     ),
-    # never ticked, never ended
+    # unreachable nodes, endless nodes
     "a child behind one that cannot fail": (
         "<Selector>\n<Ready/>\n<Beep/>\n<Drive/>\n</Selector>",
         ("unreachable-node", 6, 1, "'Drive' is never ticked: the previous child 'Beep' never fails"),
@@ -131,7 +131,7 @@ MISTAKES = {
         '<Sequence>\n<Condition status="FAILURE"><Beep/></Condition>\n<Drive/>\n</Sequence>',
         ("never-ends", 4, 1, "'Beep' never fails"),
     ),
-    # no effect, or not the one that is meant
+    # no effect, or an unintended effect
     "trying again what cannot fail": (
         '<Retry num_failures="3">\n<Beep/>\n</Retry>',
         ("without-effect", 3, 1, "'Retry' has no effect: 'Beep' never fails"),
@@ -171,7 +171,7 @@ MISTAKES = {
         '<Repeat num_success="3">\n<OneShot policy="ON_SUCCESSFUL_COMPLETION"><Drive/></OneShot>\n</Repeat>',
         ("without-effect", 3, 1, "'OneShot' runs only once"),
     ),
-    # not needed
+    # needless nodes
     "a control of one": (
         "<Sequence>\n<Drive/>\n</Sequence>",
         ("needless-node", 3, 1, "its only child is 'Drive'"),
@@ -192,7 +192,7 @@ MISTAKES = {
         "<Inverter>\n<Inverter>\n<Ready/>\n</Inverter>\n</Inverter>",
         ("needless-node", 3, 1, "reverses the effect of 'Inverter'"),
     ),
-    # side by side
+    # parallel branches and names
     "a race of two that work": (
         '<Parallel policy="SuccessOnOne">\n<Drive/>\n<Look/>\n</Parallel>',
         ("cancelled-branch", 3, 19, "'Look' is interrupted when 'Drive' succeeds"),
@@ -220,9 +220,9 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_tree_that_does_something_else_than_is_meant_gets_one_finding(name):
-    body, (code, line, column, words) = MISTAKES[name]
+@pytest.mark.parametrize("name", ERRORS)
+def test_tree_with_unintended_behaviour_has_one_finding(name):
+    body, (code, line, column, words) = ERRORS[name]
     (finding,) = check(forest_of(document(body)), REGISTRY)
     assert (finding.code, finding.span.line, finding.span.column) == (code, line, column)
     assert words in finding.message
@@ -230,12 +230,12 @@ def test_a_tree_that_does_something_else_than_is_meant_gets_one_finding(name):
     assert finding.severity is not Severity.ERROR
 
 
-def test_a_mistake_in_one_node_does_not_hide_what_is_wrong_with_another():
+def test_error_in_one_node_does_not_hide_finding_of_another():
     body = '<Sequence memory="false">\n<Beep/>\n<Drive colour="red"/>\n<Look/>\n</Sequence>'
     assert found(document(body)) == [("repeated-effect", 4, 1), ("unknown-attribute", 5, 8)]
 
 
-def test_nothing_is_concluded_of_a_node_with_a_mistake():
+def test_faulty_node_has_no_derived_findings():
     assert [code for code, *_ in found(document('<Retry num_failures="three">\n<Beep/></Retry>'))] == [
         "wrong-value"
     ]
@@ -247,7 +247,7 @@ TREES = (
 )
 
 
-def test_what_a_subtree_does_again_is_found_where_the_subtree_stands():
+def test_repeated_effect_in_subtree_is_found_at_subtree():
     (finding,) = check(
         forest_of(f'<root BTCPP_format="4" main_tree_to_execute="Main">{TREES}</root>'), REGISTRY
     )
@@ -255,7 +255,7 @@ def test_what_a_subtree_does_again_is_found_where_the_subtree_stands():
     assert finding.message.startswith("'Beep' in the tree 'Greet' would publish a tone")
 
 
-def test_a_mistake_in_a_tree_that_is_used_twice_is_one_finding():
+def test_error_in_tree_used_twice_is_one_finding():
     text = (
         '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>\n<SubTree ID="B"/><SubTree ID="B"/></Sequence>'
         '</BehaviorTree>\n<BehaviorTree ID="B"><Retry num_failures="3"><Beep/></Retry></BehaviorTree></root>'
@@ -263,7 +263,7 @@ def test_a_mistake_in_a_tree_that_is_used_twice_is_one_finding():
     assert found(text) == [("without-effect", 3, 22)]
 
 
-def test_work_at_the_root_that_begins_again_is_found_in_a_subtree():
+def test_repeated_effect_at_root_is_found_in_subtree():
     text = (
         '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><SubTree ID="B"/></BehaviorTree>\n'
         '<BehaviorTree ID="B"><Selector memory="false">\n<Sequence><Ready/><Look/></Sequence>\n<Drive/></Selector>'
@@ -280,43 +280,43 @@ def test_work_at_the_root_that_begins_again_is_found_in_a_subtree():
         '<TickCounter duration="3" completion_status="SUCCESS"/>',
     ],
 )
-def test_what_waits_from_its_beginning_never_lets_what_comes_after_it_end(leaf):
+def test_wait_before_long_action_in_reactive_sequence_is_endless_restart(leaf):
     body = f"<ReactiveSequence>\n{leaf}\n<Drive/>\n</ReactiveSequence>"
     assert found(document(body)) == [("endless-restart", 4, 1)]
 
 
 @pytest.mark.parametrize("loop", ["KeepRunningUntilFailure", 'Repeat num_cycles="-1"'])
-def test_what_begins_again_after_each_success_may_go_on_for_ever_at_the_very_top(loop):
+def test_endless_repetition_at_root_is_no_finding(loop):
     assert found(document(f"<{loop}>\n<Beep/>\n</{loop.partition(' ')[0]}>")) == []
 
 
-def test_a_sequence_that_keeps_its_place_loses_no_steps():
+def test_sequence_with_memory_loses_no_progress():
     steps = "<Look/><Drive/>"
     body = '<Selector memory="false">\n<Sequence><Ready/><Wait/></Sequence>\n<{0}>{1}</{0}>\n</Selector>'
     assert found(document(body.format("Sequence", steps))) == [("lost-progress", 5, 1)]
     assert found(document(body.format("SequenceWithMemory", steps))) == []
 
 
-def test_a_single_attempt_of_a_single_round_takes_nothing_back():
+def test_nested_single_attempts_are_two_findings():
     body = '<Retry num_failures="1">\n<Repeat num_cycles="1">\n<Drive/></Repeat></Retry>'
     findings = check(forest_of(document(body)), REGISTRY)
     assert [finding.span.line for finding in findings] == [3, 4]
     assert all("is also executed once without this decorator" in finding.message for finding in findings)
 
 
-def test_what_is_tried_after_what_cannot_succeed_is_never_ticked():
+def test_child_of_try_catch_after_one_that_never_succeeds_is_unreachable():
     body = "<TryCatch>\n<Ready/>\n<ForceFailure><Ready/></ForceFailure>\n<Drive/>\n<Look/>\n</TryCatch>"
     (finding,) = check(forest_of(document(body)), REGISTRY)
     assert (finding.code, finding.span.line) == ("unreachable-node", 6)
     assert "'ForceFailure' never succeeds" in finding.message
 
 
-def test_what_is_tried_after_what_is_skipped_is_ticked():
+def test_child_of_try_catch_after_skipped_one_is_reachable():
     body = '<TryCatch>\n<Precondition if="false" else="SKIPPED"><Ready/></Precondition>\n<Drive/>\n<Look/>\n</TryCatch>'
     assert [code for code, *_ in found(document(body))] == ["constant-condition"]
 
 
-def test_a_control_of_somebody_s_own_that_says_it_is_a_sequence_is_looked_at_as_one():
+def test_custom_control_with_sequence_semantics_is_checked_as_sequence():
     @register("Steps", kind=Kind.CONTROL, semantics=Semantics.sequence(reactive=True))
     class Steps(Sequence):
         """Ticks its children one after the other.
@@ -339,7 +339,7 @@ def test_a_control_of_somebody_s_own_that_says_it_is_a_sequence_is_looked_at_as_
     ]
 
 
-def test_a_delay_of_no_time_runs_for_a_tick_and_what_follows_that_is_reached():
+def test_node_after_delay_of_zero_is_reachable():
     body = (
         "<Fallback>\n<RunningIsFailure><Delay delay_msec='0'><AlwaysSuccess/></Delay></RunningIsFailure>\n"
         "<AlwaysSuccess name='after'/>\n</Fallback>"
@@ -347,12 +347,12 @@ def test_a_delay_of_no_time_runs_for_a_tick_and_what_follows_that_is_reached():
     assert found(document(body)) == []
 
 
-def test_a_branch_that_lacks_a_child_is_all_that_is_said_of_it_and_the_decorator_around_it():
+def test_missing_child_is_only_finding_of_control_and_its_decorator():
     text = document("<Inverter>\n<WhileDoElse>\n<Ready/>\n</WhileDoElse>\n</Inverter>")
     assert found(text) == [("missing-child", 4, 1)]
 
 
-def test_a_tree_with_the_id_of_a_node_of_a_named_palette_is_a_warning():
+def test_tree_with_id_of_node_in_named_palette_is_warning():
     forest = forest_of(document("<NavigateToBase/>", main="Foo"))
     palette = parse_xml("<root><TreeNodesModel><Action ID='Foo'/></TreeNodesModel></root>", "palette.xml")
     assert check(forest, REGISTRY) == check(forest, REGISTRY, [replace(palette, is_named=False)]) == []
@@ -369,7 +369,7 @@ CONSTANT = {
 
 
 @pytest.mark.parametrize("case", CONSTANT)
-def test_a_condition_that_no_value_changes_is_reported_with_its_consequence(case):
+def test_constant_condition_is_reported_with_consequence(case):
     attribute, condition, severity = CONSTANT[case]
     body = f'<Sequence>\n<Script code="x := 1"/>\n<Drive name="A" {attribute}="{condition}"/>\n</Sequence>'
     (finding,) = [each for each in findings_of(document(body)) if each.code == "constant-condition"]
@@ -388,7 +388,7 @@ CLAUSES = {
 
 
 @pytest.mark.parametrize("condition", CLAUSES)
-def test_a_part_of_a_condition_that_no_value_changes_is_reported_at_its_place(condition):
+def test_constant_part_of_condition_is_reported_at_its_location(condition):
     text = html.escape(condition, quote=False)
     body = f'<Sequence>\n<Script code="x := 1; y := 1"/>\n<Drive _skipIf="{text}"/>\n</Sequence>'
     told = [each for each in findings_of(document(body)) if each.code == "constant-condition"]
@@ -398,7 +398,7 @@ def test_a_part_of_a_condition_that_no_value_changes_is_reported_at_its_place(co
 
 
 @pytest.mark.parametrize("condition", ["x &lt; 1 &amp;&amp; x &gt; 2", "false"])
-def test_what_comes_after_a_condition_that_is_never_true_is_never_ticked(condition):
+def test_child_after_condition_that_is_never_true_is_unreachable(condition):
     body = f'<Sequence>\n<ScriptCondition code="{condition}"/>\n<Drive/>\n</Sequence>'
     assert ("unreachable-node", 5, 1) in found(document(body))
 
@@ -428,11 +428,11 @@ def in_timeout(body):
 
 
 @pytest.mark.parametrize("case", WAITS)
-def test_a_time_limit_that_is_over_before_a_wait_is_warned_of(case):
+def test_timeout_shorter_than_wait_is_warning(case):
     (finding,) = in_timeout(WAITS[case])
     assert finding.severity is Severity.WARNING
 
 
 @pytest.mark.parametrize("case", SHORT_WAITS)
-def test_a_time_limit_that_some_run_keeps_is_not_warned_of(case):
+def test_timeout_that_some_run_keeps_is_no_warning(case):
     assert in_timeout(SHORT_WAITS[case]) == []
