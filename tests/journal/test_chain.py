@@ -1,4 +1,4 @@
-"""A journal that nobody alters unseen: what is found in its chain, and what is said of it."""
+"""Tests of the hash chain of a journal, which makes alterations detectable, and of `sar-journal check`."""
 
 import json
 import random
@@ -24,9 +24,9 @@ TABLES = "fact", "watched"
 COLUMNS = "number, run, wall, time, kind, data, link"
 
 
-def fly(place, *, ends=True, zones=4):
-    """Write a run as a mission does; return the head of its chain."""
-    journal = open_journal(place, resume=place.exists())
+def write_run(journal_path, *, ends=True, zones=4):
+    """Write a run like a mission; return the head of its chain."""
+    journal = open_journal(journal_path, resume=journal_path.exists())
     journal.begin({"mission": "patrol", "tree": {"name": "Root"}, "identity": ["zone_a"]}, {"version": "1"})
     for zone in range(zones):
         journal.record_observation("status", node=0, tick=zone, status="RUNNING")
@@ -40,29 +40,29 @@ def fly(place, *, ends=True, zones=4):
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory):
-    """A mission that was stopped, broke off, and was stopped again; with the heads of the first and the last run."""
-    place = tmp_path_factory.mktemp("flown") / "mission.journal"
-    return place, fly(place), fly(place, ends=False), fly(place)
+def journal_of_three_runs(tmp_path_factory):
+    """Return a journal of three runs (stopped, crashed, stopped) with the head after each run."""
+    journal_path = tmp_path_factory.mktemp("flown") / "mission.journal"
+    return journal_path, write_run(journal_path), write_run(journal_path, ends=False), write_run(journal_path)
 
 
 @pytest.fixture
-def place(flown, tmp_path):
-    return shutil.copy(flown[0], tmp_path / "mission.journal")
+def journal_path(journal_of_three_runs, tmp_path):
+    return shutil.copy(journal_of_three_runs[0], tmp_path / "mission.journal")
 
 
-def verdict(place, head=None):
-    return CheckedJournal.check(place, head)
+def check_journal(journal_path, head=None):
+    return CheckedJournal.check(journal_path, head)
 
 
-def change(place, *statements):
-    with closing(sqlite3.connect(place, isolation_level=None)) as base:
+def execute_sql(journal_path, *statements):
+    with closing(sqlite3.connect(journal_path, isolation_level=None)) as base:
         for statement in statements:
             base.execute(*statement) if isinstance(statement, tuple) else base.execute(statement)
 
 
-def entries(place):
-    with closing(sqlite3.connect(place)) as base:
+def read_rows(journal_path):
+    with closing(sqlite3.connect(journal_path)) as base:
         tables = [
             [(name, *row) for row in base.execute(f"SELECT {COLUMNS} FROM {name}")]  # noqa: S608 - the test's own
             for name in TABLES
@@ -70,22 +70,22 @@ def entries(place):
     return sorted((row for table in tables for row in table), key=lambda row: row[1])
 
 
-def test_a_journal_is_whole_over_its_runs_and_closed_by_the_last_end(flown):
-    place, first, broken, last = flown
-    found = verdict(place, last)
+def test_chain_is_whole_over_all_runs_and_closed_by_last_end(journal_of_three_runs):
+    journal_path, first, broken, last = journal_of_three_runs
+    found = check_journal(journal_path, last)
     assert (found.state, found.chain.entries, found.chain.head) == ("whole", 48, last)
     assert found.chain.heads == {1: first, 3: last}
     assert broken == ""
 
 
-def test_both_kinds_are_chained_in_the_order_in_which_things_happened(place):
-    kinds = [kind for kind, *_ in entries(place)[:5]]
+def test_events_and_observations_are_chained_in_chronological_order(journal_path):
+    kinds = [kind for kind, *_ in read_rows(journal_path)[:5]]
     assert kinds == ["watched", "watched", "fact", "watched", "watched"]
-    assert verdict(place).is_good
+    assert check_journal(journal_path).is_good
 
 
-def _flipped(row, chance):
-    """Return an entry with one bit of one column changed; and its table."""
+def _flip_bit(row, chance):
+    """Return a statement that changes one bit or number in one column of an entry."""
     table, number, *columns = row
     column = chance.randrange(len(columns))
     value = columns[column]
@@ -102,12 +102,12 @@ def _flipped(row, chance):
 
 
 def _alter(how, rows, chance):
-    """Return statements that alter an entry, and the numbers of which one must be the first that is wrong."""
+    """Return statements that alter an entry, and the possible numbers of the first wrong entry."""
     place = chance.randrange(len(rows) - 1)
     table, number, *columns = rows[place]
     following = rows[place + 1][1]
     if how == "flipped":
-        return [_flipped(rows[place], chance)], {number, following}
+        return [_flip_bit(rows[place], chance)], {number, following}
     if how == "removed":
         return [f"DELETE FROM {table} WHERE number = {number}"], {number, following}  # noqa: S608 - the test's own
     if how == "swapped":
@@ -116,7 +116,7 @@ def _alter(how, rows, chance):
             f"UPDATE {table} SET run = ?, wall = ?, time = ?, kind = ?, data = ?, link = ? WHERE number = ?"  # noqa: S608 - the test's own
         )
         return [(update, (*columns, other[1])), (update, (*other[2:], number))], {min(number, other[1])}
-    # Between two entries, or before the first one; the others make room.
+    # The entry is inserted between two entries or before the first one, and the later entries are renumbered.
     moves = [f"UPDATE {each} SET number = -number WHERE number >= {number}" for each in TABLES]  # noqa: S608 - the test's own
     back = [f"UPDATE {each} SET number = 1 - number WHERE number < 0" for each in TABLES]  # noqa: S608 - the test's own
     link = chance.choice([None, columns[-1], chance.randbytes(32)])
@@ -127,17 +127,15 @@ def _alter(how, rows, chance):
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("how", ["flipped", "removed", "swapped", "inserted"])
-def test_whatever_is_altered_inside_the_chain_is_found_with_the_first_entry_that_is_wrong(
-    flown, tmp_path, how
-):
+def test_alteration_is_detected_with_its_first_wrong_entry(journal_of_three_runs, tmp_path, how):
     chance = random.Random(how)  # noqa: S311 - by seed
-    rows = entries(flown[0])
-    place = tmp_path / "mission.journal"
+    rows = read_rows(journal_of_three_runs[0])
+    journal_path = tmp_path / "mission.journal"
     for _ in range(rounds(80)):
-        shutil.copy(flown[0], place)
+        shutil.copy(journal_of_three_runs[0], journal_path)
         statements, first = _alter(how, rows, chance)
-        change(place, *statements)
-        found = verdict(place)
+        execute_sql(journal_path, *statements)
+        found = check_journal(journal_path)
         assert found.state == "altered", statements
         assert found.chain.wrong.number in first, statements
 
@@ -175,33 +173,33 @@ def test_whatever_is_altered_inside_the_chain_is_found_with_the_first_entry_that
         "UPDATE fact SET link = x'', wall = 'then' WHERE run = 1",
     ],
 )  # fmt: skip
-def test_nothing_in_a_row_is_outside_of_the_chain(place, statement, capsys):
-    change(place, statement)
-    assert verdict(place).state == "altered"
-    assert main(["check", str(place)]) == 1
+def test_chain_covers_every_column(journal_path, statement, capsys):
+    execute_sql(journal_path, statement)
+    assert check_journal(journal_path).state == "altered"
+    assert main(["check", str(journal_path)]) == 1
     out = capsys.readouterr().out
     assert "was altered: " in out
-    assert main(["check", str(place), "--format", "json"]) == 1
+    assert main(["check", str(journal_path), "--format", "json"]) == 1
     assert json.loads(capsys.readouterr().out)[0]["first_wrong"]["kind"]
 
 
 @pytest.mark.unmeasured
-def test_a_byte_of_the_file_is_found_or_changes_nothing_that_is_read(flown, tmp_path):
-    chance, content = random.Random(1), flown[0].read_bytes()  # noqa: S311 - by seed
-    place = tmp_path / "mission.journal"
+def test_flipped_bit_of_file_is_detected_or_changes_no_entry(journal_of_three_runs, tmp_path):
+    chance, content = random.Random(1), journal_of_three_runs[0].read_bytes()  # noqa: S311 - by seed
+    journal_path = tmp_path / "mission.journal"
 
     def read(file):
         return [*file.stream()], file.description(), file.runs(), [*file.observations("pose", "log")]
 
-    with closing(JournalFile.read(flown[0])) as file:
+    with closing(JournalFile.read(journal_of_three_runs[0])) as file:
         as_written = read(file)
     for _ in range(rounds(100)):
         offset = chance.randrange(len(content))
-        place.write_bytes(
+        journal_path.write_bytes(
             content[:offset] + bytes([content[offset] ^ 1 << chance.randrange(8)]) + content[offset + 1 :]
         )
-        if main(["check", str(place)]) == 0:
-            with closing(JournalFile.read(place)) as file:
+        if main(["check", str(journal_path)]) == 0:
+            with closing(JournalFile.read(journal_path)) as file:
                 assert read(file) == as_written, offset
 
 
@@ -213,9 +211,9 @@ LINKS = {
 }
 
 
-def anew(place):
-    """Compute a chain anew, as somebody does who has altered what is in it."""
-    with closing(sqlite3.connect(place, isolation_level=None)) as base:
+def recompute_chain(journal_path):
+    """Recompute a chain like an attacker who has altered entries."""
+    with closing(sqlite3.connect(journal_path, isolation_level=None)) as base:
         before = chain.START
         for what, number, run, *row, _ in [*chain.chain_entries(base)]:
             before = chain.link_of_entry(before, what, number, run, *row)
@@ -224,64 +222,72 @@ def anew(place):
             base.execute(f"UPDATE {table} SET {link} = ? WHERE number = ?", (before, at))  # noqa: S608 - ours
 
 
-def test_a_chain_that_was_computed_anew_is_found_with_the_head_and_only_with_it(flown, place, capsys):
-    change(place, "DELETE FROM fact WHERE number = 3")
-    anew(place)
-    assert main(["check", str(place)]) == 0
+def test_recomputed_chain_is_detected_only_with_head(journal_of_three_runs, journal_path, capsys):
+    execute_sql(journal_path, "DELETE FROM fact WHERE number = 3")
+    recompute_chain(journal_path)
+    assert main(["check", str(journal_path)]) == 0
     assert (
         "Without --head HEX, a recomputed or truncated chain cannot be detected. The head is in the run's summary and in reports"
         in capsys.readouterr().out
     )
-    assert main(["check", str(place), "--head", flown[3]]) == 1
+    assert main(["check", str(journal_path), "--head", journal_of_three_runs[3]]) == 1
     assert "it was truncated or recomputed" in capsys.readouterr().out
 
 
-CUT = "UPDATE run SET ended = NULL, ending = NULL, status = NULL, reason = '', closed = NULL, ended_behind = NULL WHERE number = 3"
+REMOVE_LAST_END = "UPDATE run SET ended = NULL, ending = NULL, status = NULL, reason = '', closed = NULL, ended_behind = NULL WHERE number = 3"
 
 
-def test_an_end_that_was_cut_off_is_found_with_the_head_and_only_with_it(flown, place, capsys):
-    change(place, CUT, "DELETE FROM watched WHERE number > 40", "DELETE FROM fact WHERE number > 40")
-    assert main(["check", str(place)]) == 0
+def test_truncated_chain_is_detected_only_with_head(journal_of_three_runs, journal_path, capsys):
+    execute_sql(
+        journal_path,
+        REMOVE_LAST_END,
+        "DELETE FROM watched WHERE number > 40",
+        "DELETE FROM fact WHERE number > 40",
+    )
+    assert main(["check", str(journal_path)]) == 0
     assert "not closed because the run crashed" in capsys.readouterr().out
-    assert main(["check", str(place), "--head", flown[3]]) == 1
+    assert main(["check", str(journal_path), "--head", journal_of_three_runs[3]]) == 1
 
 
-def test_the_head_of_an_earlier_run_does_not_vouch_for_the_next_one(flown, capsys):
-    assert main(["check", str(flown[0]), "--head", flown[1].upper()]) == 1
+def test_head_of_earlier_run_does_not_cover_next_run(journal_of_three_runs, capsys):
+    assert main(["check", str(journal_of_three_runs[0]), "--head", journal_of_three_runs[1].upper()]) == 1
     assert "is the head of run 1, and does not cover later entries" in capsys.readouterr().out
 
 
-def test_the_head_that_the_run_has_told_is_that_of_its_file(flown, capsys):
-    assert main(["check", str(flown[0]), "--head", flown[3], "--format", "json"]) == 0
+def test_head_from_run_is_head_of_its_file(journal_of_three_runs, capsys):
+    assert (
+        main(["check", str(journal_of_three_runs[0]), "--head", journal_of_three_runs[3], "--format", "json"])
+        == 0
+    )
     (told,) = json.loads(capsys.readouterr().out)
     assert (told["state"], told["head"], told["heads"]["1"], told["notes"]) == (
         "whole",
-        flown[3],
-        flown[1],
+        journal_of_three_runs[3],
+        journal_of_three_runs[1],
         [],
     )
-    with closing(JournalFile.read(flown[0])) as file:
-        assert [run.head for run in file.runs()] == [flown[1], "", flown[3]]
+    with closing(JournalFile.read(journal_of_three_runs[0])) as file:
+        assert [run.head for run in file.runs()] == [journal_of_three_runs[1], "", journal_of_three_runs[3]]
 
 
-def test_a_head_is_that_of_one_journal_and_has_64_digits(place, capsys):
-    for arguments in ([str(place), "--head", "0" * 64], ["--head", "abc"]):
+def test_head_option_requires_one_journal_and_64_digits(journal_path, capsys):
+    for arguments in ([str(journal_path), "--head", "0" * 64], ["--head", "abc"]):
         with pytest.raises(SystemExit) as ended:
-            main(["check", str(place), *arguments])
+            main(["check", str(journal_path), *arguments])
         assert ended.value.code == 2
     assert "is not a journal hash, which has 64 hexadecimal digits" in capsys.readouterr().err
 
 
-def test_several_journals_are_told_each_and_the_worst_counts(place, tmp_path, capsys):
-    fly(tmp_path / "other.journal")
-    change(place, "UPDATE fact SET time = 5 WHERE number = 3")
-    assert main(["check", str(tmp_path / "other.journal"), str(place)]) == 1
+def test_several_journals_are_reported_and_worst_sets_exit_status(journal_path, tmp_path, capsys):
+    write_run(tmp_path / "other.journal")
+    execute_sql(journal_path, "UPDATE fact SET time = 5 WHERE number = 3")
+    assert main(["check", str(tmp_path / "other.journal"), str(journal_path)]) == 1
     lines = [line for line in capsys.readouterr().out.splitlines() if not line.startswith(" ")]
     assert lines[0].startswith(f"{tmp_path / 'other.journal'} is unaltered: 16 entries in 1 run, closed")
-    assert f"{place} was altered: entry 3 of run 1, zone_visited, 20" in lines[1]
+    assert f"{journal_path} was altered: entry 3 of run 1, zone_visited, 20" in lines[1]
 
 
-KILLED = """
+KILLED_RUN = """
 import os, signal, sys
 from pathlib import Path
 from sar_compiler.journal.journal_opening import open_journal
@@ -295,45 +301,45 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def test_what_sigkill_has_broken_off_is_an_open_chain_that_the_next_run_goes_on_with(tmp_path):
-    place = tmp_path / "mission.journal"
-    done = subprocess.run([sys.executable, "-c", KILLED, place], check=False)
+def test_chain_of_killed_run_is_open_and_continued_by_next_run(tmp_path):
+    journal_path = tmp_path / "mission.journal"
+    done = subprocess.run([sys.executable, "-c", KILLED_RUN, journal_path], check=False)
     assert done.returncode == -signal.SIGKILL
-    found = verdict(place)
+    found = check_journal(journal_path)
     assert (found.state, found.chain.entries, found.chain.head) == ("open", 299, "")
     assert "not closed because the run crashed" in found.words
-    assert verdict(place, fly(place)).state == "whole"
+    assert check_journal(journal_path, write_run(journal_path)).state == "whole"
 
 
-def test_a_journal_that_is_written_just_now_is_checked_too(tmp_path):
-    place = tmp_path / "mission.journal"
-    journal = open_journal(place)
+def test_journal_of_active_run_can_be_checked(tmp_path):
+    journal_path = tmp_path / "mission.journal"
+    journal = open_journal(journal_path)
     journal.begin({}, {})
     journal.record_event("zone_visited", zone="a")
-    command = [sys.executable, "-m", "sar_compiler.cli.journal_command", "check", place]
+    command = [sys.executable, "-m", "sar_compiler.cli.journal_command", "check", journal_path]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, "not closed because the run is still active" in done.stdout) == (0, True)
     journal.close()
 
 
-def test_nothing_comes_behind_the_end_of_a_run(tmp_path):
-    place = tmp_path / "mission.journal"
-    journal = open_journal(place)
+def test_no_entry_follows_end_of_run(tmp_path):
+    journal_path = tmp_path / "mission.journal"
+    journal = open_journal(journal_path)
     journal.begin({}, {})
     journal.end_run(Ending.OVER, 0)
     journal.record_observation("log", text="late")
     journal.record_event("base_reached")
     journal.close()
-    assert verdict(place, journal.head).state == "whole"
-    assert entries(place) == []
+    assert check_journal(journal_path, journal.head).state == "whole"
+    assert read_rows(journal_path) == []
 
 
-def test_what_could_not_be_written_is_chained_once_it_is(tmp_path):
-    place = tmp_path / "mission.journal"
-    journal = open_journal(place)
+def test_delayed_entries_are_chained_when_written(tmp_path):
+    journal_path = tmp_path / "mission.journal"
+    journal = open_journal(journal_path)
     journal.begin({}, {})
     journal.record_event("zone_visited", zone="a")
-    with closing(sqlite3.connect(place, isolation_level=None)) as other:
+    with closing(sqlite3.connect(journal_path, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
         journal.record_observation("pose", x=1.0)
         journal.record_event("zone_visited", zone="b")
@@ -342,30 +348,30 @@ def test_what_could_not_be_written_is_chained_once_it_is(tmp_path):
         other.execute("ROLLBACK")
     journal.record_observation("pose", x=2.0)
     journal.close()
-    found = verdict(place, journal.head)
+    found = check_journal(journal_path, journal.head)
     assert (found.state, found.chain.entries) == ("whole", 4)
 
 
-def test_what_waits_in_the_reserve_is_said_and_chained_by_the_next_run(tmp_path, capsys):
-    place = tmp_path / "mission.journal"
-    journal = open_journal(place)
+def test_entries_in_reserve_are_reported_and_chained_by_next_run(tmp_path, capsys):
+    journal_path = tmp_path / "mission.journal"
+    journal = open_journal(journal_path)
     journal.begin({}, {})
-    with closing(sqlite3.connect(place, isolation_level=None)) as other:
+    with closing(sqlite3.connect(journal_path, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
         journal.record_event("zone_visited", zone="b")
         journal.end_run(Ending.STOPPED, 130)
         journal.close()
         other.execute("ROLLBACK")
-    assert main(["check", str(place)]) == 0
+    assert main(["check", str(journal_path)]) == 0
     assert (
         "1 event in the journal's reserve file will be added to the chain by the next run"
         in capsys.readouterr().out
     )
-    found = verdict(place, fly(place))
+    found = check_journal(journal_path, write_run(journal_path))
     assert (found.state, found.chain.entries, len(found.chain.heads)) == ("whole", 17, 2)
 
 
-def test_a_link_is_what_the_page_says_of_it():
+def test_link_is_computed_as_documented():
     import hashlib
     import struct
 
@@ -375,7 +381,7 @@ def test_a_link_is_what_the_page_says_of_it():
     assert chain.link_of_entry(chain.START, chain.FACT, *row) == made
 
 
-def test_what_was_written_by_halves_moves_the_chain_on_by_nothing(tmp_path):
+def test_failed_write_does_not_advance_chain(tmp_path):
     file = JournalFile.create(tmp_path / "m.journal")
     run = file.begin_run({}, {}, 0.0)
     head = file.head
@@ -385,4 +391,4 @@ def test_what_was_written_by_halves_moves_the_chain_on_by_nothing(tmp_path):
     assert file.head == head
     file.write([row], (), RunEnd(run, 2.0, Ending.OVER, 0, ""))
     file.close()
-    assert verdict(tmp_path / "m.journal", file.head).state == "whole"
+    assert check_journal(tmp_path / "m.journal", file.head).state == "whole"

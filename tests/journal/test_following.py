@@ -1,4 +1,4 @@
-"""What another process writes to a journal is read as it comes."""
+"""Tests of following a journal while another process writes it."""
 
 import fcntl
 from contextlib import closing
@@ -13,7 +13,7 @@ from sar_compiler.journal.journal_opening import open_journal
 
 
 @pytest.fixture
-def place(tmp_path):
+def journal_path(tmp_path):
     return tmp_path / "mission.journal"
 
 
@@ -21,10 +21,10 @@ def kinds(follower):
     return [entry.kind for entry in follower.read_new()]
 
 
-def test_each_entry_comes_once_and_in_its_order(place):
-    follower = JournalFollower(place)
+def test_each_entry_is_read_once_in_order(journal_path):
+    follower = JournalFollower(journal_path)
     assert kinds(follower) == []
-    journal = open_journal(place)
+    journal = open_journal(journal_path)
     assert kinds(follower) == []
     journal.begin({}, {})
     journal.record_event("zone_visited", zone="zone_a")
@@ -39,60 +39,60 @@ def test_each_entry_comes_once_and_in_its_order(place):
     assert kinds(follower) == []
 
 
-def test_an_observation_before_every_event_is_read(place):
-    with closing(open_journal(place)) as journal:
+def test_observation_before_first_event_is_read(journal_path):
+    with closing(open_journal(journal_path)) as journal:
         journal.begin({}, {})
         journal.record_observation("pose", x=1.0)
         journal.end_run(Ending.OVER, 0)
-    assert kinds(JournalFollower(place)) == ["run_began", "pose", "run_ended"]
+    assert kinds(JournalFollower(journal_path)) == ["run_began", "pose", "run_ended"]
 
 
-def test_the_next_run_follows(place):
-    follower = JournalFollower(place)
+def test_next_run_is_followed(journal_path):
+    follower = JournalFollower(journal_path)
     for resume in (False, True):
-        journal = open_journal(place, resume=resume)
+        journal = open_journal(journal_path, resume=resume)
         journal.begin({}, {})
         journal.end_run(Ending.STOPPED, 130)
         journal.close()
         assert kinds(follower) == ["run_began", "run_ended"]
 
 
-def test_another_mission_in_the_file_is_read_from_its_beginning(place):
-    follower = JournalFollower(place)
+def test_new_mission_in_same_file_is_read_from_its_beginning(journal_path):
+    follower = JournalFollower(journal_path)
     for _ in range(2):
-        journal = open_journal(place, start_over=True)
+        journal = open_journal(journal_path, start_over=True)
         journal.begin({}, {})
         journal.record_event("zone_visited", zone="zone_a")
         journal.close()
         assert kinds(follower) == ["run_began", "zone_visited"]
 
 
-def test_what_is_no_journal_is_said_if_it_stays_so(place):
-    place.write_text("no journal", encoding="utf-8")
-    follower = JournalFollower(place)
+def test_persistently_unreadable_file_raises_error(journal_path):
+    journal_path.write_text("no journal", encoding="utf-8")
+    follower = JournalFollower(journal_path)
     for _ in range(_TRIES - 1):
         assert follower.read_new() == []
     with pytest.raises(JournalError, match="damaged, or not a journal"):
         follower.read_new()
 
 
-def test_a_file_that_cannot_be_read_for_a_moment_is_read_afterwards(place):
-    follower = JournalFollower(place)
+def test_temporarily_unreadable_file_is_read_later(journal_path):
+    follower = JournalFollower(journal_path)
     for _ in range(_TRIES):
-        place.write_text("half a journal", encoding="utf-8")
+        journal_path.write_text("half a journal", encoding="utf-8")
         assert follower.read_new() == []
-        place.unlink()
-        journal = open_journal(place, start_over=True)
+        journal_path.unlink()
+        journal = open_journal(journal_path, start_over=True)
         journal.begin({}, {})
         assert kinds(follower) == ["run_began"]
         journal.close()
-        place.unlink()
+        journal_path.unlink()
 
 
-def test_what_is_read_at_once_is_of_one_moment(place):
-    journal = open_journal(place)
+def test_snapshot_does_not_contain_later_entries(journal_path):
+    journal = open_journal(journal_path)
     journal.begin({}, {})
-    with closing(JournalFile.read(place)) as file:
+    with closing(JournalFile.read(journal_path)) as file:
         with file.snapshot():
             assert len(file.runs()) == 1
             journal.record_event("zone_visited", zone="zone_a")
@@ -101,16 +101,16 @@ def test_what_is_read_at_once_is_of_one_moment(place):
     journal.close()
 
 
-def test_a_file_that_a_run_has_just_opened_is_read_as_one_that_changes(place):
-    journal = open_journal(place)
+def test_file_locked_by_starting_run_is_read_with_later_entries(journal_path):
+    journal = open_journal(journal_path)
     journal.begin({}, {})
     journal.close()
-    with place.open("rb") as opened:
+    with journal_path.open("rb") as opened:
         fcntl.flock(opened, fcntl.LOCK_EX)
-        file = JournalFile.read(place)
+        file = JournalFile.read(journal_path)
     with closing(file):
         assert [*file.events()] == []
-        again = open_journal(place, resume=True)
+        again = open_journal(journal_path, resume=True)
         again.begin({}, {})
         again.record_event("zone_visited", zone="zone_a")
         assert [fact.kind for fact in file.events()] == ["zone_visited"]

@@ -1,4 +1,4 @@
-"""The file of a journal: what is in it, who may open it, and what is said of a file that is none."""
+"""Tests of the journal file: its content, its locks, and the errors for files that are no journals."""
 
 import fcntl
 import itertools
@@ -24,28 +24,28 @@ from sar_compiler.reports.journals import journal_json, journal_lines
 NUMBERS = itertools.count(1)
 
 
-def fact(kind, data="{}", run=1):
+def event_row(kind, data="{}", run=1):
     return Row(next(NUMBERS), run, 10.0, 1.5, kind, data)
 
 
 @pytest.fixture
-def place(tmp_path):
+def journal_path(tmp_path):
     return tmp_path / "mission.journal"
 
 
 @pytest.fixture
-def written(place):
-    """A journal with a run that is over, a fact, and something that was watched."""
-    file = JournalFile.create(place)
+def finished_journal(journal_path):
+    """Return a journal with a finished run, one event and one observation."""
+    file = JournalFile.create(journal_path)
     run = file.begin_run({"mission": "patrol", "tree": {"name": "Root"}}, {"pid": 1, "time": 0.5}, 9.0)
-    file.write([fact("pose", '{"x": 1.0}')], [fact("zone_visited", '{"zone": "zone_a"}')])
+    file.write([event_row("pose", '{"x": 1.0}')], [event_row("zone_visited", '{"zone": "zone_a"}')])
     file.write((), (), RunEnd(run, 11.0, Ending.OVER, 0, "Mission complete."))
     file.close()
-    return place
+    return journal_path
 
 
-def read(place):
-    file = JournalFile.read(place)
+def read_json(journal_path):
+    file = JournalFile.read(journal_path)
     try:
         return json.loads(
             "\n".join(journal_json(file, MissionState.from_stream(file.stream()), with_watched=True))
@@ -54,15 +54,15 @@ def read(place):
         file.close()
 
 
-def refused(open_file, place):
+def refusal(open_file, journal_path):
     with pytest.raises(JournalError) as error:
-        open_file(place)
-    assert str(place) in str(error.value)
+        open_file(journal_path)
+    assert str(journal_path) in str(error.value)
     return str(error.value)
 
 
-def test_what_is_written_is_read(written):
-    data = read(written)
+def test_written_entries_are_read(finished_journal):
+    data = read_json(finished_journal)
     assert data["state"] == "over"
     assert data["mission"] == "patrol"
     assert [(each["kind"], each["data"], each["time"]) for each in data["facts"]] == [
@@ -72,60 +72,60 @@ def test_what_is_written_is_read(written):
     assert data["runs"][0]["reason"] == "Mission complete."
 
 
-def test_a_fact_is_on_the_disk_when_it_is_written(place):
-    file = JournalFile.create(place)
+def test_event_is_on_disk_when_written(journal_path):
+    file = JournalFile.create(journal_path)
     file.begin_run({}, {}, 0.0)
-    file.write([], [fact("first")])
-    # As another process sees it, while this one still has it open.
-    assert [each["kind"] for each in read(place)["facts"]] == ["first"]
+    file.write([], [event_row("first")])
+    # Read while the writer still has the file open, as another process would.
+    assert [each["kind"] for each in read_json(journal_path)["facts"]] == ["first"]
     assert file._connection.execute("PRAGMA synchronous").fetchone() == (2,)
     assert file._connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
     file.close()
 
 
-def test_what_is_watched_does_not_wait_for_the_disk(place):
-    file = JournalFile.create(place)
-    file.write([fact("pose")])
+def test_observation_does_not_wait_for_disk(journal_path):
+    file = JournalFile.create(journal_path)
+    file.write([event_row("pose")])
     assert file._connection.execute("PRAGMA synchronous").fetchone() == (1,)
     file.close()
 
 
-def test_a_second_process_is_refused_until_the_first_ends(written):
-    file = JournalFile.open(written)
-    assert is_locked(written)
+def test_second_process_is_refused_until_first_closes_file(finished_journal):
+    file = JournalFile.open(finished_journal)
+    assert is_locked(finished_journal)
     program = (
         "import sys; from pathlib import Path; from sar_compiler.journal.database import JournalFile\n"
         "JournalFile.open(Path(sys.argv[1]))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program, written], capture_output=True, text=True, check=False
+        [sys.executable, "-c", program, finished_journal], capture_output=True, text=True, check=False
     )
     assert "runs in another process" in done.stderr
     file.close()
-    JournalFile.open(written).close()
-    assert not is_locked(written)
+    JournalFile.open(finished_journal).close()
+    assert not is_locked(finished_journal)
 
 
-def test_a_look_at_the_lock_keeps_nobody_out(written):
-    descriptor = os.open(written, os.O_RDONLY)
+def test_brief_shared_lock_does_not_prevent_opening(finished_journal):
+    descriptor = os.open(finished_journal, os.O_RDONLY)
     fcntl.flock(descriptor, fcntl.LOCK_SH)
     threading.Timer(0.03, lambda: fcntl.flock(descriptor, fcntl.LOCK_UN)).start()
-    JournalFile.open(written).close()
+    JournalFile.open(finished_journal).close()
     os.close(descriptor)
 
 
-def test_a_reader_does_not_keep_the_next_run_out(written):
-    reader = JournalFile.read(written)
-    JournalFile.open(written).close()
+def test_reader_does_not_prevent_next_run(finished_journal):
+    reader = JournalFile.read(finished_journal)
+    JournalFile.open(finished_journal).close()
     reader.close()
 
 
-def test_a_journal_with_a_mission_in_it_is_not_begun_again(written):
-    assert "already contains a mission" in refused(JournalFile.create, written)
+def test_journal_with_mission_is_not_created_again(finished_journal):
+    assert "already contains a mission" in refusal(JournalFile.create, finished_journal)
 
 
-# Dies before its Nth statement.
-DYING = """
+# Kills itself before its Nth SQL statement.
+DYING_PROGRAM = """
 import os, signal, sqlite3, sys
 from pathlib import Path
 from sar_compiler.journal import database
@@ -149,10 +149,12 @@ file.close()
 """
 
 
-def test_whoever_dies_while_a_journal_is_made_leaves_nothing_or_all_of_it(place):
+def test_creation_killed_at_any_statement_leaves_nothing_or_complete_run(journal_path):
     for statement in range(1, 100):
-        done = subprocess.run([sys.executable, "-c", DYING, place, str(statement)], check=False)
-        file = JournalFile.open(place)
+        done = subprocess.run(
+            [sys.executable, "-c", DYING_PROGRAM, journal_path, str(statement)], check=False
+        )
+        file = JournalFile.open(journal_path)
         assert [run.about for run in file.runs()] == ([] if done.returncode else [{}])
         file.remove()
         if not done.returncode:
@@ -161,58 +163,61 @@ def test_whoever_dies_while_a_journal_is_made_leaves_nothing_or_all_of_it(place)
     assert statement > 10
 
 
-def test_a_database_of_another_program_is_no_journal(place):
-    with sqlite3.connect(place) as other:
+def test_database_of_other_program_is_rejected_unchanged(journal_path):
+    with sqlite3.connect(journal_path) as other:
         other.execute("CREATE TABLE t (x)")
     other.close()
-    before = place.read_bytes()
+    before = journal_path.read_bytes()
     for open_file in (JournalFile.open, JournalFile.read):
-        assert "not the journal of a mission" in refused(open_file, place)
-    assert place.read_bytes() == before
+        assert "not the journal of a mission" in refusal(open_file, journal_path)
+    assert journal_path.read_bytes() == before
 
 
-def test_a_journal_of_another_version_is_refused_with_both_numbers(written):
-    with sqlite3.connect(written) as other:
+def test_journal_of_other_version_is_rejected_with_both_versions(finished_journal):
+    with sqlite3.connect(finished_journal) as other:
         other.execute(f"PRAGMA user_version = {VERSION + 1}")
     other.close()
-    words = refused(JournalFile.open, written)
+    words = refusal(JournalFile.open, finished_journal)
     assert f"is a journal of version {VERSION + 1}" in words
     assert f"reads only version {VERSION}" in words
 
 
 @pytest.mark.parametrize("open_file", [JournalFile.open, JournalFile.read, JournalFile.create])
 @pytest.mark.parametrize("kind", ["folder", "pipe", "device", "text"])
-def test_what_is_no_file_of_a_journal_is_refused_at_once(place, kind, open_file):
+def test_path_that_is_no_journal_is_rejected(journal_path, kind, open_file):
     if kind == "folder":
-        place.mkdir()
+        journal_path.mkdir()
     elif kind == "pipe":
-        os.mkfifo(place)
+        os.mkfifo(journal_path)
     elif kind == "device":
-        place.symlink_to("/dev/zero")
+        journal_path.symlink_to("/dev/zero")
     else:
-        place.write_text("a shopping list\n" * 100, encoding="utf-8")
-    assert refused(open_file, place)
+        journal_path.write_text("a shopping list\n" * 100, encoding="utf-8")
+    assert refusal(open_file, journal_path)
 
 
-def test_a_file_that_is_not_there_cannot_be_read(place):
-    assert "No such file" in refused(JournalFile.read, place)
+def test_missing_file_cannot_be_read(journal_path):
+    assert "No such file" in refusal(JournalFile.read, journal_path)
 
 
-def test_a_journal_is_put_aside_with_all_that_is_in_it(written, tmp_path):
-    file = JournalFile.open(written)
-    file.write([], [fact("late")])
-    reader = JournalFile.read(written)  # so that SQLite leaves its log beside the file
+def test_journal_is_moved_with_all_entries(finished_journal, tmp_path):
+    file = JournalFile.open(finished_journal)
+    file.write([], [event_row("late")])
+    reader = JournalFile.read(finished_journal)  # so that SQLite keeps its write-ahead log
     file.move(tmp_path / "aside.journal")
     reader.close()
-    assert [each["kind"] for each in read(tmp_path / "aside.journal")["facts"]] == ["zone_visited", "late"]
-    JournalFile.create(written).close()
-    assert read(written)["facts"] == []
+    assert [each["kind"] for each in read_json(tmp_path / "aside.journal")["facts"]] == [
+        "zone_visited",
+        "late",
+    ]
+    JournalFile.create(finished_journal).close()
+    assert read_json(finished_journal)["facts"] == []
 
 
-def test_a_journal_is_not_put_in_the_place_of_another_file(written, tmp_path):
+def test_journal_is_not_moved_over_existing_file(finished_journal, tmp_path):
     other = tmp_path / "other"
     other.write_text("mine", encoding="utf-8")
-    file = JournalFile.open(written)
+    file = JournalFile.open(finished_journal)
     with pytest.raises(JournalError, match="File exists"):
         file.move(other)
     file.close()
@@ -220,19 +225,21 @@ def test_a_journal_is_not_put_in_the_place_of_another_file(written, tmp_path):
 
 
 @given(st.data())
-def test_a_damaged_journal_is_told_or_refused_in_words(tmp_path_factory, data):
-    place = tmp_path_factory.mktemp("damaged") / "mission.journal"
-    file = JournalFile.create(place)
+def test_damaged_journal_is_read_or_raises_journal_error(tmp_path_factory, data):
+    journal_path = tmp_path_factory.mktemp("damaged") / "mission.journal"
+    file = JournalFile.create(journal_path)
     file.begin_run({"mission": "patrol", "tree": {"name": "Root", "children": []}}, {"time": 0.0}, 9.0)
     for number in range(20):
-        file.write([fact("pose", '{"x": 1.0}')], [fact("zone_visited", f'{{"zone": "zone_{number}"}}')])
+        file.write(
+            [event_row("pose", '{"x": 1.0}')], [event_row("zone_visited", f'{{"zone": "zone_{number}"}}')]
+        )
     file.close()
-    content = bytearray(place.read_bytes())
+    content = bytearray(journal_path.read_bytes())
     for _ in range(data.draw(st.integers(1, 8))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    place.write_bytes(content[: data.draw(st.integers(0, len(content)))])
-    with suppress(JournalError):  # anything else is a traceback for somebody
-        reader = JournalFile.read(place)
+    journal_path.write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    with suppress(JournalError):  # a user would see any other exception as a traceback
+        reader = JournalFile.read(journal_path)
         try:
             [*journal_lines(reader, MissionState(), with_watched=True)]
             [*journal_json(reader, MissionState(), with_watched=True)]

@@ -1,4 +1,4 @@
-"""Which journal a run writes to, and what it does to one that is there."""
+"""Tests of choosing and opening the journal of a run, and of handling an existing one."""
 
 import os
 import re
@@ -18,13 +18,13 @@ from sar_compiler.runtime.clock import ManualClock
 
 
 @pytest.fixture
-def place(tmp_path):
+def journal_path(tmp_path):
     return tmp_path / "mission.journal"
 
 
-def leave(place, ending=None, **options):
-    """Run a mission with one fact; without an ending it breaks off."""
-    journal = open_journal(place, **options)
+def run_mission(journal_path, ending=None, **options):
+    """Write the journal of a run with one event; without `ending`, the run has crashed."""
+    journal = open_journal(journal_path, **options)
     journal.begin({"mission": "patrol"}, {})
     journal.record_event("zone_visited", zone="zone_a")
     if ending is not None:
@@ -36,37 +36,37 @@ def kinds(journal):
     return [fact.kind for fact in journal.earlier_events()]
 
 
-def test_a_new_mission_begins_without_facts(place):
-    journal = open_journal(place)
+def test_new_mission_begins_without_events(journal_path):
+    journal = open_journal(journal_path)
     assert not journal.is_resumed
     assert journal.earlier_events() == []
     assert journal.active_goals() == []
     journal.close()
 
 
-def test_a_run_that_does_not_begin_leaves_nothing(place):
-    open_journal(place).close()
-    assert list(place.parent.iterdir()) == []
+def test_run_that_does_not_begin_leaves_no_file(journal_path):
+    open_journal(journal_path).close()
+    assert list(journal_path.parent.iterdir()) == []
 
 
 @pytest.mark.parametrize("ending", [None, Ending.STOPPED, Ending.FAILED])
-def test_a_mission_that_is_not_over_is_not_begun_anew_unasked(place, ending):
-    leave(place, ending)
+def test_unfinished_mission_is_not_restarted_without_option(journal_path, ending):
+    run_mission(journal_path, ending)
     with pytest.raises(JournalError, match=r"is not over: .* --resume, .* --new"):
-        open_journal(place)
+        open_journal(journal_path)
 
 
 @pytest.mark.parametrize("ending", [None, Ending.STOPPED, Ending.FAILED])
-def test_a_mission_that_is_not_over_goes_on_with_its_facts(place, ending):
-    leave(place, ending)
-    journal = open_journal(place, resume=True)
+def test_unfinished_mission_resumes_with_its_events(journal_path, ending):
+    run_mission(journal_path, ending)
+    journal = open_journal(journal_path, resume=True)
     assert journal.is_resumed
     assert kinds(journal) == ["zone_visited"]
     journal.begin({"mission": "another"}, {})
     assert journal.description == {"mission": "patrol"}
     journal.record_event("base_reached")
     journal.close()
-    again = open_journal(place, resume=True)
+    again = open_journal(journal_path, resume=True)
     assert [(fact.run, fact.kind) for fact in again.earlier_events()] == [
         (1, "zone_visited"),
         (2, "base_reached"),
@@ -74,91 +74,91 @@ def test_a_mission_that_is_not_over_goes_on_with_its_facts(place, ending):
     again.close()
 
 
-def test_new_keeps_the_former_journal_under_another_name_once_it_begins(place):
-    leave(place)
-    journal = open_journal(place, start_over=True)
-    assert list(place.parent.glob("*.journal")) == [place]
+def test_start_over_renames_previous_journal_when_run_begins(journal_path):
+    run_mission(journal_path)
+    journal = open_journal(journal_path, start_over=True)
+    assert list(journal_path.parent.glob("*.journal")) == [journal_path]
     assert journal.earlier_events() == []
     journal.begin({"mission": "patrol"}, {})
     journal.close()
-    (aside,) = set(place.parent.glob("*.journal")) - {place}
+    (aside,) = set(journal_path.parent.glob("*.journal")) - {journal_path}
     assert re.fullmatch(r"mission\.\d{8}-\d{6}\.journal", aside.name)
     former = open_journal(aside, resume=True)
     assert kinds(former) == ["zone_visited"]
     former.close()
 
 
-def test_two_journals_of_one_second_get_two_names(place):
+def test_journals_renamed_in_same_second_get_different_names(journal_path):
     for _ in range(3):
-        leave(place, start_over=True)
-    assert len(list(place.parent.glob("*.journal"))) == 3
+        run_mission(journal_path, start_over=True)
+    assert len(list(journal_path.parent.glob("*.journal"))) == 3
 
 
-def test_a_new_mission_that_does_not_begin_leaves_the_former_one_as_it_was(place):
-    leave(place)
-    open_journal(place, start_over=True).close()
-    journal = open_journal(place, resume=True)
+def test_start_over_that_does_not_begin_keeps_previous_journal(journal_path):
+    run_mission(journal_path)
+    open_journal(journal_path, start_over=True).close()
+    journal = open_journal(journal_path, resume=True)
     assert kinds(journal) == ["zone_visited"]
     journal.close()
 
 
-def test_a_mission_that_is_over_makes_room_for_the_next(place):
-    leave(place, Ending.OVER)
-    leave(place, Ending.OVER)
-    assert len(list(place.parent.glob("*.journal"))) == 2
+def test_next_mission_renames_journal_of_finished_one(journal_path):
+    run_mission(journal_path, Ending.OVER)
+    run_mission(journal_path, Ending.OVER)
+    assert len(list(journal_path.parent.glob("*.journal"))) == 2
 
 
-def test_a_mission_that_is_over_is_not_resumed(place):
-    leave(place, Ending.OVER)
+def test_finished_mission_is_not_resumed(journal_path):
+    run_mission(journal_path, Ending.OVER)
     with pytest.raises(JournalError, match=r"is over \(It was enough\.\)"):
-        open_journal(place, resume=True)
+        open_journal(journal_path, resume=True)
 
 
-def test_where_no_file_was_named_a_mission_that_was_stopped_makes_room_for_the_next(place):
-    leave(place, Ending.STOPPED)
-    journal = open_journal(place, is_named=False)
+def test_stopped_mission_in_default_journal_is_replaced(journal_path):
+    run_mission(journal_path, Ending.STOPPED)
+    journal = open_journal(journal_path, is_named=False)
     assert not journal.is_resumed
     journal.close()
 
 
-def test_where_no_file_was_named_a_mission_that_broke_off_is_refused_all_the_same(place):
-    leave(place)
+def test_crashed_mission_in_default_journal_is_not_replaced(journal_path):
+    run_mission(journal_path)
     with pytest.raises(JournalError, match="crashed"):
-        open_journal(place, is_named=False)
+        open_journal(journal_path, is_named=False)
 
 
-def test_without_a_journal_there_is_nothing_to_resume(place):
+def test_missing_journal_cannot_be_resumed(journal_path):
     with pytest.raises(JournalError, match=r"to resume\. Omit --resume"):
-        open_journal(place, resume=True)
-    assert not place.exists()
+        open_journal(journal_path, resume=True)
+    assert not journal_path.exists()
 
 
 @pytest.mark.parametrize(
     "leave_empty", [lambda path: path.touch(), lambda path: JournalFile.create(path).close()]
 )
-def test_a_journal_in_which_nothing_has_begun_is_no_obstacle(place, leave_empty):
-    leave_empty(place)
+def test_empty_journal_cannot_be_resumed_but_is_replaced(journal_path, leave_empty):
+    leave_empty(journal_path)
     with pytest.raises(JournalError, match="to resume"):
-        open_journal(place, resume=True)
-    leave(place, Ending.OVER)
+        open_journal(journal_path, resume=True)
+    run_mission(journal_path, Ending.OVER)
 
 
-def test_two_runs_at_a_time_are_one_too_many(place):
-    journal = open_journal(place)
+def test_second_simultaneous_run_is_refused(journal_path):
+    journal = open_journal(journal_path)
     for options in ({}, {"resume": True}, {"start_over": True}):
         with pytest.raises(JournalError, match="in another process"):
-            open_journal(place, **options)
+            open_journal(journal_path, **options)
     journal.close()
 
 
-def test_goals_whose_end_was_not_seen_are_left(place):
-    journal = open_journal(place)
+def test_goals_without_recorded_end_are_active(journal_path):
+    journal = open_journal(journal_path)
     journal.begin({}, {})
     for number in (1, 2, 3):
         journal.record_event(GOAL_SENT, action="/navigate_to_pose", goal=f"{number:032x}")
     journal.record_observation(GOAL_ENDED, goal=f"{2:032x}", status=4)
     journal.close()
-    again = open_journal(place, resume=True)
+    again = open_journal(journal_path, resume=True)
     assert [(goal.action, int(goal.goal_id, 16)) for goal in again.active_goals()] == [
         ("/navigate_to_pose", 1),
         ("/navigate_to_pose", 3),
@@ -176,12 +176,12 @@ def test_goals_whose_end_was_not_seen_are_left(place):
         {"action": "navigate", "goal": "0" * 32},
     ],
 )
-def test_a_goal_that_could_not_be_sent_is_refused_with_its_number(place, data):
-    journal = open_journal(place)
+def test_invalid_goal_event_is_rejected_with_its_number(journal_path, data):
+    journal = open_journal(journal_path)
     journal.begin({}, {})
     journal.record_event(GOAL_SENT, **data)
     journal.close()
-    again = open_journal(place, resume=True)
+    again = open_journal(journal_path, resume=True)
     with pytest.raises(
         JournalError, match=r"event 1 of the journal, goal_sent .* does not describe an action goal"
     ):
@@ -190,38 +190,38 @@ def test_a_goal_that_could_not_be_sent_is_refused_with_its_number(place, data):
 
 
 @pytest.mark.parametrize("began", [1e300, -1e300])
-def test_a_time_that_is_none_is_told_as_it_is(place, began):
-    file = JournalFile.create(place)
+def test_start_time_out_of_range_is_printed_as_number(journal_path, began):
+    file = JournalFile.create(journal_path)
     file.begin_run({}, {}, began)
     file.close()
     with pytest.raises(JournalError, match=f"started on {began:g}, and crashed".replace("+", r"\+")):
-        open_journal(place)
-    open_journal(place, start_over=True).close()
+        open_journal(journal_path)
+    open_journal(journal_path, start_over=True).close()
 
 
-def test_entries_have_the_time_of_the_missions_clock(place):
-    journal = open_journal(place)
+def test_entries_have_time_of_mission_clock(journal_path):
+    journal = open_journal(journal_path)
     journal.clock = clock = ManualClock(5.0)
     journal.begin({}, {})
     clock.advance(2.5)
     journal.record_event("base_reached")
     journal.close()
-    again = open_journal(place, resume=True)
+    again = open_journal(journal_path, resume=True)
     assert [fact.time for fact in again.earlier_events()] == [7.5]
     again.close()
 
 
-def test_a_value_that_is_no_json_is_the_callers_mistake(place):
-    journal = open_journal(place)
+def test_value_that_is_not_json_raises_type_error(journal_path):
+    journal = open_journal(journal_path)
     journal.begin({}, {})
     with pytest.raises(TypeError, match="not JSON serializable"):
         journal.record_event("photo", image=object())
     journal.close()
 
 
-def test_after_a_full_disk_what_is_told_is_of_the_same_run_still(place):
-    leave(place, Ending.STOPPED)
-    journal = open_journal(place, resume=True)
+def test_entries_keep_run_number_if_writing_fails(journal_path):
+    run_mission(journal_path, Ending.STOPPED)
+    journal = open_journal(journal_path, resume=True)
     told: list[JournalEntry] = []
     journal.add_listener(told.append)
     journal.begin({}, {})
@@ -245,12 +245,12 @@ def test_after_a_full_disk_what_is_told_is_of_the_same_run_still(place):
         ("/patrol", {"ROS_DOMAIN_ID": "42"}, "patrol.domain_42.journal"),
     ],
 )
-def test_the_default_place_has_the_name_of_the_node(tmp_path, node, environment, expected):
+def test_default_path_contains_node_name(tmp_path, node, environment, expected):
     found = default_place(node, {"XDG_STATE_HOME": str(tmp_path), **environment})
     assert found == tmp_path / "sar_compiler" / expected
 
 
-def test_the_default_place_is_in_the_home_of_the_user(monkeypatch, tmp_path):
+def test_default_path_is_in_home_folder(monkeypatch, tmp_path):
     monkeypatch.setenv("HOME", str(tmp_path))
     for environment in ({}, {"XDG_STATE_HOME": "relative"}):
         found = default_place("/patrol", environment)
@@ -259,49 +259,51 @@ def test_the_default_place_is_in_the_home_of_the_user(monkeypatch, tmp_path):
 
 @pytest.fixture
 def simulated(tmp_path):
-    """Say where the journal of a simulated run of a node is kept."""
+    """Return a function that returns the journal path of a simulated run."""
 
-    def place(node="/search_and_rescue", *, resume=False, domain="0"):
+    def journal_path(node="/search_and_rescue", *, resume=False, domain="0"):
         environment = {"XDG_STATE_HOME": str(tmp_path), "ROS_DOMAIN_ID": domain}
         return simulated_place(node, resume=resume, environment=environment)
 
-    return place
+    return journal_path
 
 
-def test_simulated_runs_have_a_folder_of_their_own_and_a_file_each(simulated, tmp_path):
+def test_simulated_runs_have_separate_files_in_own_folder(simulated, tmp_path):
     folder = tmp_path / "sar_compiler" / "simulated"
     first = simulated()
-    leave(first)
+    run_mission(first)
     assert first.parent == simulated().parent == folder
     assert re.fullmatch(r"search_and_rescue\.\d{8}-\d{6}\.journal", first.name)
     assert simulated() != first
 
 
-def test_a_simulated_run_is_resumed_in_the_last_journal_of_its_node_and_domain(simulated):
-    leave(last := simulated())
+def test_simulated_run_resumes_last_journal_of_its_node_and_domain(simulated):
+    run_mission(last := simulated())
     for other in (simulated("/robot1"), simulated("/search_and_rescue/more"), simulated(domain="7")):
-        leave(other)
+        run_mission(other)
     assert simulated(resume=True) == last
     with pytest.raises(JournalError, match="to resume"):
         open_journal(simulated("/robot2", resume=True), resume=True)
 
 
-def test_the_last_ten_simulated_runs_are_kept_with_the_one_that_begins(simulated):
+def test_ten_simulated_runs_are_kept_including_new_one(simulated):
     places = [simulated(f"/robot{number}") for number in range(12)]
-    for number, place in enumerate(places):
-        leave(place)
-        place.with_name(f"{place.name}-reserve").touch()
-        os.utime(place, (number, number))
+    for number, journal_path in enumerate(places):
+        run_mission(journal_path)
+        journal_path.with_name(f"{journal_path.name}-reserve").touch()
+        os.utime(journal_path, (number, number))
     delete_old_simulated(simulated())
     left = sorted(path.name for path in places[0].parent.iterdir())
-    assert left == sorted(name for place in places[3:] for name in (place.name, f"{place.name}-reserve"))
+    assert left == sorted(
+        name for journal_path in places[3:] for name in (journal_path.name, f"{journal_path.name}-reserve")
+    )
 
 
-def test_a_simulated_run_that_still_writes_keeps_its_journal(simulated):
+def test_journal_of_active_simulated_run_is_not_deleted(simulated):
     writing = open_journal(oldest := simulated("/robot0"))
     writing.begin({}, {})
     for number in range(1, 12):
-        leave(simulated(f"/robot{number}"))
+        run_mission(simulated(f"/robot{number}"))
     os.utime(oldest, (0, 0))
     delete_old_simulated(simulated())
     assert oldest.exists()

@@ -1,4 +1,4 @@
-"""What leaves did, read again from the journal of a run."""
+"""Tests of reading the actions and outcomes of leaves from the journal of a run."""
 
 import contextlib
 from collections import Counter
@@ -30,7 +30,7 @@ def plain(behaviour):
     return {"name": behaviour.name, "children": [*map(plain, behaviour.children)]}
 
 
-class Flight:
+class RecordedTree:
     """A tree that is ticked with a journal.
 
     Attributes:
@@ -47,11 +47,11 @@ class Flight:
         self._tree = LiveTree(root)
 
     def tick(self):
-        """Tick once; return what the root has come to."""
+        """Tick once; return the status of the root."""
         return watched_tick(self._tree, self._watch)
 
-    def deeds(self):
-        """Return what leaves did, and what was noted, with the tick of each, without the ends of ticks."""
+    def leaf_events(self):
+        """Return the events of leaves as tick, leaf, action and kinds of the journal events, without the ends of ticks."""
         return [
             (event.tick, event.leaf, event.action, *(kind for kind, _ in event.facts))
             for event in recorded_events(self.stream)
@@ -59,15 +59,15 @@ class Flight:
         ]
 
 
-def flown(root, ticks):
-    flight = Flight(root)
+def record_ticks(root, ticks):
+    recorded = RecordedTree(root)
     for _ in range(ticks):
-        flight.tick()
-    return flight
+        recorded.tick()
+    return recorded
 
 
 def in_ticks(events):
-    """Return events by the numbers of their ticks, without times and facts."""
+    """Return events by tick number, without times and journal events."""
     found: dict[int, list[Event]] = {}
     for event in events:
         found.setdefault(event.tick, []).append(event._replace(time_sec=None, facts=(), statuses=()))
@@ -75,20 +75,20 @@ def in_ticks(events):
 
 
 @pytest.mark.parametrize("binding", trees(range(600, 600 + rounds(25))))
-def test_what_is_read_has_happened_and_nothing_is_left_out_but_answers_as_in_the_tick_before(binding):
+def test_recorded_events_omit_only_outcomes_equal_to_previous_tick(binding):
     simulated = simulated_tree(binding)
     simulated.policy = ByChance(3)
     paths = {leaf.number: leaf.path for leaf in simulated.leaves}
-    flight = Flight(simulated.root, {leaf.id: leaf.outcomes for leaf in simulated.leaves})
+    recorded = RecordedTree(simulated.root, {leaf.id: leaf.outcomes for leaf in simulated.leaves})
     happened: list[Event] = []
     with contextlib.suppress(Exception):  # scripts of random trees go wrong
         for number in range(1, TICKS + 1):
             simulated.events.clear()
-            root = flight.tick()
+            root = recorded.tick()
             happened += append_end(simulated.events, simulated.root.name, root, number)
     read = in_ticks(
         event._replace(path=paths.get(event.number, event.path))
-        for event in recorded_events(flight.stream)
+        for event in recorded_events(recorded.stream)
         if event.number in paths or event.what == TICKED
     )
     known: dict[int, tuple[str, str]] = {}
@@ -101,17 +101,17 @@ def test_what_is_read_has_happened_and_nothing_is_left_out_but_answers_as_in_the
         last_deeds = {event.number: event.what for event in events if event.what != TICKED}
         halted = {leaf for leaf, what in last_deeds.items() if what == HALTED}
         assert {event.number for event in told if event.what == HALTED} >= halted
-        # What is as in the tick before is left out, and nothing else.
+        # Only outcomes that equal those of the previous tick are omitted.
         at_rest = {event.number for event in read.get(number, []) if event.what == RESET}
         known = {leaf: answer for leaf, answer in last.items() if leaf not in at_rest}
 
 
-def test_a_leaf_that_is_at_rest_again_is_not_taken_for_one_that_answers_the_same():
+def test_leaf_that_was_reset_is_recorded_as_reset():
     first = StatusQueue("first", [S, F], eventually=F)
-    flight = flown(
+    recorded = record_ticks(
         Sequence("root", memory=True, children=[first, StatusQueue("second", [F], eventually=F)]), 2
     )
-    assert flight.deeds() == [
+    assert recorded.leaf_events() == [
         (1, "first", STARTED),
         (1, "first", "SUCCESS"),
         (1, "second", STARTED),
@@ -122,11 +122,11 @@ def test_a_leaf_that_is_at_rest_again_is_not_taken_for_one_that_answers_the_same
     ]
 
 
-def test_a_leaf_that_goes_on_does_not_start_again_and_one_that_was_halted_does():
+def test_continuing_leaf_does_not_start_again_and_halted_leaf_does():
     first = StatusQueue("first", [F, F, S, F], eventually=F)
     second = StatusQueue("second", [R, R, R], eventually=R)
-    flight = flown(Selector("root", memory=False, children=[first, second]), 4)
-    assert [deed for deed in flight.deeds() if deed[1] == "second"] == [
+    recorded = record_ticks(Selector("root", memory=False, children=[first, second]), 4)
+    assert [deed for deed in recorded.leaf_events() if deed[1] == "second"] == [
         (1, "second", STARTED),
         (1, "second", "RUNNING"),
         (3, "second", HALTED),
@@ -135,19 +135,21 @@ def test_a_leaf_that_goes_on_does_not_start_again_and_one_that_was_halted_does()
     ]
 
 
-def test_the_end_of_a_tick_says_what_the_root_has_come_to_and_when():
-    flight = flown(Sequence("root", memory=True, children=[StatusQueue("one", [R, S], eventually=S)]), 2)
-    ends = [event for event in recorded_events(flight.stream) if event.what == TICKED]
+def test_end_of_tick_has_status_of_root_and_time():
+    recorded = record_ticks(
+        Sequence("root", memory=True, children=[StatusQueue("one", [R, S], eventually=S)]), 2
+    )
+    ends = [event for event in recorded_events(recorded.stream) if event.what == TICKED]
     assert [(each.path, each.status, each.tick) for each in ends] == [
         (("root",), "RUNNING", 1),
         (("root",), "SUCCESS", 2),
     ]
-    (began, *_), last = flight.stream, flight.stream[-1]
+    (began, *_), last = recorded.stream, recorded.stream[-1]
     assert ends[1].time_sec == last.time - began.time
 
 
-class Noting(Behaviour):
-    """Notes a fact whenever it is ticked, and one when it ends."""
+class EventRecorder(Behaviour):
+    """Records an event at each tick, and one when it is halted."""
 
     def __init__(self, name, *statuses):
         super().__init__(name)
@@ -163,22 +165,22 @@ class Noting(Behaviour):
             self.journal.record_event("given_up")
 
 
-def noting(root, ticks):
-    flight = Flight(root)
+def record_noting_ticks(root, ticks):
+    recorded = RecordedTree(root)
     for each in pre_order(root):
-        if isinstance(each, Noting):
-            each.journal = flight.journal
+        if isinstance(each, EventRecorder):
+            each.journal = recorded.journal
     for _ in range(ticks):
         with contextlib.suppress(IndexError):
-            flight.tick()
-    return flight
+            recorded.tick()
+    return recorded
 
 
-def test_a_fact_belongs_to_the_answer_of_the_leaf_that_has_noted_it():
-    one, two = Noting("one", R, S), Noting("two", S)
-    flight = noting(Sequence("root", memory=True, children=[one, two]), 2)
+def test_event_belongs_to_outcome_of_leaf_that_recorded_it():
+    one, two = EventRecorder("one", R, S), EventRecorder("two", S)
+    recorded = record_noting_ticks(Sequence("root", memory=True, children=[one, two]), 2)
     assert [
-        (each.leaf, each.outcome, each.facts) for each in recorded_events(flight.stream) if each.facts
+        (each.leaf, each.outcome, each.facts) for each in recorded_events(recorded.stream) if each.facts
     ] == [
         ("one", "RUNNING", (("seen", {"tick": 2}),)),
         ("one", "SUCCESS", (("seen", {"tick": 1}),)),
@@ -186,15 +188,17 @@ def test_a_fact_belongs_to_the_answer_of_the_leaf_that_has_noted_it():
     ]
 
 
-def test_a_fact_that_is_noted_when_a_leaf_is_halted_belongs_to_its_halt():
+def test_event_recorded_during_halt_belongs_to_halt():
     first = StatusQueue("first", [F, S], eventually=S)
-    flight = noting(Selector("root", memory=False, children=[first, Noting("second", R)]), 2)
-    assert flight.deeds()[-1] == (2, "second", HALTED, "given_up")
+    recorded = record_noting_ticks(
+        Selector("root", memory=False, children=[first, EventRecorder("second", R)]), 2
+    )
+    assert recorded.leaf_events()[-1] == (2, "second", HALTED, "given_up")
 
 
-def test_a_fact_of_a_leaf_that_gives_no_answer_stands_at_the_end_of_the_tick():
-    flight = noting(Noting("one", R), 3)
-    *_, end = recorded_events(flight.stream)
+def test_event_of_leaf_without_outcome_belongs_to_end_of_tick():
+    recorded = record_noting_ticks(EventRecorder("one", R), 3)
+    *_, end = recorded_events(recorded.stream)
     assert (end.what, end.status, end.facts) == (TICKED, "", (("seen", {"tick": 0}),))
 
 
@@ -213,7 +217,7 @@ def status(tick, words, **more):
     return "status", {"node": 0, "tick": tick, "status": words, "message": "", **more}
 
 
-def test_facts_of_journals_that_do_not_say_whose_they_are_are_left_out():
+def test_events_without_recorded_leaf_are_omitted():
     stream = entries(("zone_searched", {"zone": "a"}), ("changed", {"said": "Zone a."}), status(1, "SUCCESS"))
     assert [event.facts for event in recorded_events(stream)] == [(), (), ()]
 
@@ -229,36 +233,36 @@ def test_facts_of_journals_that_do_not_say_whose_they_are_are_left_out():
         ("changed", {"leaf": 0}),
     ],
 )
-def test_entries_of_somebody_else_are_no_events(odd):
+def test_malformed_entries_are_no_recorded_events(odd):
     stream = entries(("base_reached", {}), odd, status(1, "SUCCESS", label="found"))
     assert [event.action for event in recorded_events(stream)] == [STARTED, "found", TICKED]
 
 
-def test_a_leaf_that_is_skipped_while_it_runs_goes_on():
+def test_leaf_skipped_while_running_continues():
     stream = entries(
         *(status(tick, words) for tick, words in enumerate(("RUNNING", "SKIPPED", "RUNNING"), 1))
     )
-    deeds = [event.action for event in recorded_events(stream) if event.what != TICKED]
-    assert deeds == [STARTED, "RUNNING", "SKIPPED", "RUNNING"]
+    leaf_events = [event.action for event in recorded_events(stream) if event.what != TICKED]
+    assert leaf_events == [STARTED, "RUNNING", "SKIPPED", "RUNNING"]
 
 
-def test_what_becomes_of_the_root_afterwards_is_not_what_it_has_come_to():
+def test_reset_of_root_does_not_change_its_status_of_tick():
     stream = entries(status(1, "FAILURE"), status(1, "IDLE"))
     assert [event.status for event in recorded_events(stream) if event.what == TICKED] == ["FAILURE"]
 
 
-def test_with_each_run_ticks_and_times_begin_anew():
+def test_ticks_and_times_restart_with_each_run():
     first = entries(status(1, "RUNNING"))
     second = [each._replace(run=2, time=each.time + 100.0) for each in entries(status(1, "RUNNING"))]
     read = [(event.action, event.tick, event.time_sec) for event in recorded_events([*first, *second])]
     assert read == [(STARTED, 1, 2.0), ("RUNNING", 1, 2.0), (TICKED, 1, 2.0)] * 2
 
 
-def test_a_tick_in_which_an_assumption_failed_is_told_although_all_was_as_before():
-    flight = Flight(StatusQueue("one", [R, R, R], None))
-    flight.tick()
-    flight.journal.record_event("assumption_failed", tick=3)
-    assert [(each.tick, each.what, each.status) for each in recorded_events(flight.stream)] == [
+def test_tick_with_failed_assumption_is_recorded_without_status_change():
+    recorded = RecordedTree(StatusQueue("one", [R, R, R], None))
+    recorded.tick()
+    recorded.journal.record_event("assumption_failed", tick=3)
+    assert [(each.tick, each.what, each.status) for each in recorded_events(recorded.stream)] == [
         (1, STARTED, ""),
         (1, "returned", "RUNNING"),
         (1, TICKED, "RUNNING"),
@@ -267,18 +271,18 @@ def test_a_tick_in_which_an_assumption_failed_is_told_although_all_was_as_before
 
 
 @pytest.mark.parametrize("binding", trees(range(800, 800 + rounds(25))))
-def test_a_node_is_at_rest_by_its_last_entry_whenever_it_is_at_rest(binding):
+def test_last_entry_of_inactive_node_is_halted_or_idle(binding):
     simulated = simulated_tree(binding)
     simulated.policy = ByChance(3)
-    flight = Flight(simulated.root)
+    recorded = RecordedTree(simulated.root)
     nodes = list(pre_order(simulated.root))
     for _ in range(TICKS):
         with contextlib.suppress(Exception):  # scripts of random trees go wrong
-            flight.tick()
+            recorded.tick()
         written = {
-            entry.data["node"]: entry.data["status"] for entry in flight.stream if entry.kind == "status"
+            entry.data["node"]: entry.data["status"] for entry in recorded.stream if entry.kind == "status"
         }
-        # What was skipped stays as it is.
+        # A skipped node keeps its last entry.
         told = {number for number, word in written.items() if word in ("HALTED", "IDLE")}
         shown = {number for number, node in enumerate(nodes) if node.status is Status.INVALID}
         skipped = {number for number, word in written.items() if word == "SKIPPED"}

@@ -1,4 +1,4 @@
-"""The command that resumes a mission, as page and reports offer it."""
+"""Tests of the command that resumes a mission, which page and reports offer."""
 
 import pytest
 
@@ -10,7 +10,7 @@ WORDS = ["patrol", "--sim", "--view", "web"]
 
 
 def mission(words, *, ending="", is_gone=False):
-    """Return the state of a mission that was started by a command line, and that has ended if an ending is given."""
+    """Return the state of a mission that was started by a command line, and has ended if an ending is given."""
     state = MissionState()
     about = {"node": "/patrol"} if words is None else {"node": "/patrol", "command": words}
     state.apply(JournalEntry(1, 1, 0.0, 0.0, RUN_BEGAN, {"run": about}))
@@ -25,7 +25,7 @@ def mission(words, *, ending="", is_gone=False):
     [{"ending": "stopped"}, {"ending": "failed"}, {"is_gone": True}],
     ids=["stopped", "failed", "crashed"],
 )
-def test_an_interrupted_mission_is_resumed_by_its_own_command_line_and_journal(how):
+def test_interrupted_mission_is_resumed_by_its_command_line_and_journal(how):
     command = "sar-run --resume --journal '/a place/patrol.journal' patrol --sim --view web"
     assert resume_command(mission(WORDS, **how), "/a place/patrol.journal") == command
 
@@ -40,12 +40,12 @@ def test_an_interrupted_mission_is_resumed_by_its_own_command_line_and_journal(h
     ],
     ids=str,
 )
-def test_the_first_start_s_choice_of_a_journal_is_not_repeated(words):
+def test_journal_options_of_first_start_are_not_repeated(words):
     command = resume_command(mission(words, is_gone=True), "new.journal")
     assert command == "sar-run --resume --journal new.journal patrol --sim --view web"
 
 
-def test_what_belongs_to_ros_stays_behind():
+def test_ros_arguments_stay_last():
     words = ["patrol", "--ros-args", "-p", "tick_rate_hz:=5.0"]
     command = resume_command(mission(words, is_gone=True), "a.journal")
     assert command.endswith("a.journal patrol --ros-args -p tick_rate_hz:=5.0")
@@ -63,5 +63,5 @@ def test_what_belongs_to_ros_stays_behind():
     ],
     ids=["no run", "active", "over", "unknown command line", "no words", "no journal"],
 )
-def test_what_cannot_be_resumed_has_no_command(state, journal):
+def test_mission_that_cannot_be_resumed_has_no_command(state, journal):
     assert resume_command(state, journal) == ""

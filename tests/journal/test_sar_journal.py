@@ -1,4 +1,4 @@
-"""`sar-journal`: what a mission has left behind, in words and as JSON."""
+"""Tests of `sar-journal show` and `sar-journal report`, as text and as JSON."""
 
 import json
 
@@ -17,11 +17,11 @@ TREE = {
 
 
 @pytest.fixture
-def place(tmp_path):
-    """A mission that was stopped, and resumed, and is over."""
-    place = tmp_path / "mission.journal"
+def journal_path(tmp_path):
+    """Return the journal of a mission that was stopped, resumed and completed."""
+    journal_path = tmp_path / "mission.journal"
     for ending, status, reason in ((Ending.STOPPED, 130, ""), (Ending.OVER, 0, "Mission complete.")):
-        journal = open_journal(place, resume=ending is Ending.OVER)
+        journal = open_journal(journal_path, resume=ending is Ending.OVER)
         journal.clock = clock = ManualClock(100.0)
         journal.begin({"mission": "search_and_rescue", "tree": TREE}, {})
         clock.advance(3.5)
@@ -29,16 +29,16 @@ def place(tmp_path):
         journal.record_observation("status", node=2, status="SUCCESS", message="\u202e")
         journal.end_run(ending, status, reason)
         journal.close()
-    return place
+    return journal_path
 
 
-def shown(capsys, *arguments):
+def show(capsys, *arguments):
     assert main(["show", *map(str, arguments)]) == 0
     return capsys.readouterr().out
 
 
-def test_the_facts_of_each_run_are_told_with_their_time(place, capsys):
-    lines = shown(capsys, place).splitlines()
+def test_show_lists_events_of_each_run_with_time(journal_path, capsys):
+    lines = show(capsys, journal_path).splitlines()
     assert lines[0] == "search_and_rescue, complete"
     assert lines[1].startswith("run 1, started 20")
     assert lines[1].endswith(", stopped with status 130:")
@@ -46,27 +46,27 @@ def test_the_facts_of_each_run_are_told_with_their_time(place, capsys):
     assert lines[3].endswith(", over with status 0, Mission complete.:")
 
 
-def test_what_was_watched_is_told_on_request_with_the_names_of_nodes(place, capsys):
-    assert "status" not in shown(capsys, place).replace("with status", "")
-    assert "node 'Search', status SUCCESS" in shown(capsys, place, "--all")
+def test_show_all_lists_observations_with_node_names(journal_path, capsys):
+    assert "status" not in show(capsys, journal_path).replace("with status", "")
+    assert "node 'Search', status SUCCESS" in show(capsys, journal_path, "--all")
 
 
-def test_the_leaf_that_has_noted_a_fact_is_told_by_its_name(tmp_path, capsys):
+def test_show_all_names_leaf_that_recorded_event(tmp_path, capsys):
     journal = open_journal(tmp_path / "mission.journal")
     journal.begin({"tree": TREE}, {})
     journal.leaf_in_hand = lambda: {"leaf": 0, "tick": 3}
     journal.record_event("base_reached")
     journal.close()
-    assert f"changed       leaf '{TREE['name']}', tick 3" in shown(
+    assert f"changed       leaf '{TREE['name']}', tick 3" in show(
         capsys, tmp_path / "mission.journal", "--all"
     )
 
 
-def test_json_has_everything_as_it_is(place, capsys):
-    text = shown(capsys, place, "--format", "json", "--all")
+def test_json_contains_all_data(journal_path, capsys):
+    text = show(capsys, journal_path, "--format", "json", "--all")
     assert "\x1b" not in text
     assert r"\u202e" in text
-    data = json.loads(shown(capsys, place, "--format", "json"))
+    data = json.loads(show(capsys, journal_path, "--format", "json"))
     assert (data["state"], data["condition"]["word"]) == ("over", "complete")
     assert data["tree"] == TREE
     assert [run["ending"] for run in data["runs"]] == ["stopped", "over"]
@@ -74,15 +74,15 @@ def test_json_has_everything_as_it_is(place, capsys):
         {"zone": "zone_a\x1b[2J\n", "survivor": [-2.5, 3.2]}
     ] * 2
     assert "watched" not in data
-    watched = json.loads(shown(capsys, place, "--format", "json", "--all"))["watched"]
+    watched = json.loads(show(capsys, journal_path, "--format", "json", "--all"))["watched"]
     assert [entry["kind"] for entry in watched] == ["status", "status"]
 
 
-def test_a_mission_that_runs_is_told_as_running(tmp_path, capsys):
+def test_active_mission_is_shown_as_working(tmp_path, capsys):
     journal = open_journal(tmp_path / "mission.journal")
     journal.begin({"mission": None}, {})
     journal.record_event("base_reached")
-    out = shown(capsys, tmp_path / "mission.journal")
+    out = show(capsys, tmp_path / "mission.journal")
     assert out.startswith("a tree without a mission, working\n")
     assert "base_reached" in out
     journal.close()
@@ -96,21 +96,21 @@ def test_a_mission_that_runs_is_told_as_running(tmp_path, capsys):
         ("text", "cannot be used: file is not a database. It may be damaged, or not a journal"),
     ],
 )
-def test_what_is_no_journal_is_said(tmp_path, capsys, content, words):
-    place = tmp_path / "other"
+def test_file_that_is_not_a_journal_is_an_error(tmp_path, capsys, content, words):
+    journal_path = tmp_path / "other"
     if content is not None:
-        place.write_text(content, encoding="utf-8")
-    assert main(["show", str(place)]) == 2
-    assert f"{place} {words}" in capsys.readouterr().err
+        journal_path.write_text(content, encoding="utf-8")
+    assert main(["show", str(journal_path)]) == 2
+    assert f"{journal_path} {words}" in capsys.readouterr().err
 
 
-def test_a_journal_in_which_nothing_has_begun_has_a_report_too(tmp_path):
+def test_empty_journal_has_report(tmp_path):
     JournalFile.create(tmp_path / "m.journal").close()
     assert main(["report", str(tmp_path / "m.journal"), "-o", str(tmp_path / "r.html")]) == 0
     assert "not begun" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
 
-def test_a_report_is_written_of_a_journal_in_each_form_that_is_asked_for(tmp_path, capsys):
+def test_report_is_written_in_each_requested_form(tmp_path, capsys):
     journal = open_journal(tmp_path / "m.journal")
     journal.begin({"mission": "patrol", "tree": {"class": "x", "name": "Main", "children": []}}, {})
     journal.record_event("zone_visited", zone="zone_a")

@@ -1,4 +1,4 @@
-"""What a mission shows of itself, as entries behind its facts."""
+"""Tests of a mission's display and of the journal entries that record its changes after events."""
 
 import math
 from pathlib import Path
@@ -52,13 +52,13 @@ LANDMARKS = st.builds(
 )
 
 
-def apart(landmarks: list[Landmark]) -> list[Landmark]:
+def without_duplicates(landmarks: list[Landmark]) -> list[Landmark]:
     return list({(each.kind, each.name): each for each in landmarks}.values())
 
 
-SHOWN = st.builds(
+DISPLAYS = st.builds(
     Display,
-    st.lists(LANDMARKS, max_size=5).map(apart),
+    st.lists(LANDMARKS, max_size=5).map(without_duplicates),
     st.lists(
         st.builds(Figure, WORDS, NUMBERS, of=st.none() | NUMBERS, least=st.none() | NUMBERS),
         max_size=3,
@@ -91,8 +91,8 @@ def by_name(landmarks: Any) -> dict[tuple[str, str], Landmark]:
     return {(each.kind, each.name): each for each in landmarks}
 
 
-@given(st.lists(SHOWN, min_size=1, max_size=6))
-def test_what_is_folded_from_the_changes_is_what_is_shown(moments: list[Display]) -> None:
+@given(st.lists(DISPLAYS, min_size=1, max_size=6))
+def test_applied_changes_reproduce_display(moments: list[Display]) -> None:
     situation, before = DisplayState(), Display()
     for shown in moments:
         situation.apply(**json_value(json_text(changes(before, shown))))
@@ -104,7 +104,7 @@ def test_what_is_folded_from_the_changes_is_what_is_shown(moments: list[Display]
         assert situation.phase == shown.phase
 
 
-def test_what_has_not_changed_is_not_written() -> None:
+def test_unchanged_display_has_no_changes() -> None:
     shown = Display([Landmark("zone", "a", 1.0, 2.0)], [Figure("zones", 1.0)])
     assert changes(shown, shown) == {}
     assert initial_display([LandmarkKind("zone", "zones")], shown) == {
@@ -118,18 +118,18 @@ def test_what_has_not_changed_is_not_written() -> None:
     ("figure", "text"),
     [(Figure("zones", 3, of=4), "zones 3 of 4"), (Figure("way", 2.5, unit="m"), "way 2.5 m")],
 )
-def test_a_figure_has_words(figure: Figure, text: str) -> None:
+def test_figure_has_text(figure: Figure, text: str) -> None:
     assert figure.text == text
 
 
 @pytest.mark.parametrize("place", [(math.nan, 0.0), (None, 0.0), ("x", 0.0), (0.0, math.inf)])
-def test_a_landmark_nowhere_is_refused(place: tuple[Any, Any]) -> None:
+def test_landmark_at_invalid_position_is_rejected(place: tuple[Any, Any]) -> None:
     with pytest.raises((TypeError, ValueError)):
         DisplayState().apply(landmarks=[{"kind": "zone", "name": "a", "x": place[0], "y": place[1]}])
 
 
 @pytest.mark.parametrize("shade", [-0.1, 1.1, math.nan, "dark"])
-def test_a_shade_that_is_no_share_is_refused(shade: Any) -> None:
+def test_shade_outside_0_to_1_is_rejected(shade: Any) -> None:
     with pytest.raises((TypeError, ValueError)):
         DisplayState().apply(landmarks=[{"kind": "zone", "name": "a", "x": 0, "y": 0, "shade": shade}])
 
@@ -143,12 +143,12 @@ def test_a_shade_that_is_no_share_is_refused(shade: Any) -> None:
         {"gauges": [{"name": "battery", "value": 80, "least": "20"}]},
     ],
 )
-def test_a_figure_or_gauge_that_is_no_number_is_refused(wrong: dict[str, Any]) -> None:
+def test_figure_or_gauge_that_is_not_a_number_is_rejected(wrong: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match="is not a number"):
         DisplayState().apply(**wrong)
 
 
-def test_the_cells_of_a_layer_are_in_tenths_and_those_that_are_alike_are_counted() -> None:
+def test_cells_of_raster_layer_are_run_length_encoded_tenths() -> None:
     layer = RasterLayer.from_shares(
         "lawn", "mown", 1.0, 2.0, 0.25, [[0.0, 0.01, 0.1, 0.11], [0.9, 0.91, 1.0, 1.0]]
     )
@@ -170,20 +170,20 @@ def test_the_cells_of_a_layer_are_in_tenths_and_those_that_are_alike_are_counted
         {"x": math.inf},
     ],
 )
-def test_cells_that_are_no_raster_are_refused(wrong: dict[str, Any]) -> None:
+def test_invalid_raster_layer_is_rejected(wrong: dict[str, Any]) -> None:
     layer = RasterLayer("lawn", "mown", 0.0, 0.0, 0.25, 4, "4a2-2b")._asdict()
     DisplayState().apply(rasters=[layer])
     with pytest.raises((TypeError, ValueError)):
         DisplayState().apply(rasters=[{**layer, **wrong}])
 
 
-def test_a_fact_that_nobody_has_put_into_a_sentence_has_words_too() -> None:
+def test_event_without_sentence_has_default_text() -> None:
     assert default_sentence("photo_taken", {"photo": "photo_1", "by": None}) == "photo taken: photo: photo_1"
     assert default_sentence("point_left", {}) == "point left"
 
 
 class Count:
-    """A state that counts its facts, up to three."""
+    """A mission state that counts up to three events."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -202,7 +202,7 @@ class Count:
         return "one more" if fact.kind == "counted" else ""
 
 
-def test_a_fact_changes_the_state_and_what_that_has_changed_comes_behind_it() -> None:
+def test_event_is_followed_by_entry_with_its_display_changes() -> None:
     journal, state, heard = Journal(), Count(), []
     journal.add_listener(lambda entry: heard.append((entry.kind, entry.data)))
     journal.attach(state)
@@ -214,7 +214,7 @@ def test_a_fact_changes_the_state_and_what_that_has_changed_comes_behind_it() ->
     ]
 
 
-def test_what_a_fact_has_changed_is_on_the_disk_with_the_fact(tmp_path: Path) -> None:
+def test_display_changes_are_written_together_with_event(tmp_path: Path) -> None:
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.attach(Count())
@@ -228,7 +228,7 @@ def test_what_a_fact_has_changed_is_on_the_disk_with_the_fact(tmp_path: Path) ->
     resumed.close()
 
 
-def test_a_run_that_goes_on_begins_with_all_that_is_shown(tmp_path: Path) -> None:
+def test_resumed_run_begins_with_complete_display(tmp_path: Path) -> None:
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.attach(Count())
@@ -244,7 +244,7 @@ def test_a_run_that_goes_on_begins_with_all_that_is_shown(tmp_path: Path) -> Non
     journal.close()
 
 
-def test_facts_that_cannot_have_been_are_refused_with_their_number(tmp_path: Path) -> None:
+def test_contradictory_recorded_event_is_rejected_with_its_number(tmp_path: Path) -> None:
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.begin({}, {})
@@ -260,7 +260,7 @@ def test_facts_that_cannot_have_been_are_refused_with_their_number(tmp_path: Pat
     journal.close()
 
 
-def test_a_fact_that_cannot_be_is_not_written(tmp_path: Path) -> None:
+def test_contradictory_event_is_not_written(tmp_path: Path) -> None:
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.attach(Count())
@@ -285,14 +285,14 @@ def test_a_fact_that_cannot_be_is_not_written(tmp_path: Path) -> None:
         ("the operator asks the operator", "Ada", "Ada asks the operator"),
     ],
 )
-def test_who_gave_an_order_stands_in_the_place_of_the_operator(text, by, told):
+def test_author_of_command_replaces_the_operator_in_text(text, by, told):
     assert with_author(text, CommandAuthor(by)) == told
     if by:
         assert with_author(text, CommandAuthor(by, "smoke")) == f"{told}: smoke"
         assert with_author(f"{told}: smoke", CommandAuthor(by, "smoke")) == f"{told}: smoke"
 
 
-def test_an_alarm_that_is_no_mission_s_own_is_shown_beside_those_of_the_mission():
+def test_raised_alarm_is_shown_beside_alarms_of_mission():
     journal, entries = Journal(), list[JournalEntry]()
     journal.add_listener(entries.append)
 
@@ -314,7 +314,7 @@ def test_an_alarm_that_is_no_mission_s_own_is_shown_beside_those_of_the_mission(
     assert [each.is_over for each in situation.alarms.values()] == [False, False]
 
 
-def test_an_alarm_of_a_tree_that_belongs_to_no_mission_is_shown_as_well():
+def test_raised_alarm_is_shown_without_mission():
     journal, entries = Journal(), list[JournalEntry]()
     journal.add_listener(entries.append)
     journal.begin({}, {})

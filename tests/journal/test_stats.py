@@ -1,4 +1,4 @@
-"""`sar-journal stats`: what leaves have answered in journals, how often, and after which time."""
+"""Tests of `sar-journal stats`: the outcomes of leaves in journals, how often they occur, and after which time."""
 
 import json
 from collections import Counter
@@ -25,9 +25,9 @@ TREE = {"class": "a.Sequence", "name": "Main", "children": [leaf("Drive"), leaf(
 DRIVE, LOOK = 1, 2
 
 
-def fly(place, *ticks, tree=TREE):
-    """Write a run: in each tick, two seconds after the one before, what nodes come to: number, status, and a label where one is declared."""
-    journal = open_journal(place, resume=place.exists())
+def write_run(journal_path, *ticks, tree=TREE):
+    """Write a run with ticks 2 s apart, each a list of node statuses: number, status, and a label if one is declared."""
+    journal = open_journal(journal_path, resume=journal_path.exists())
     journal.clock = clock = ManualClock(100.0)
     journal.begin({"mission": "patrol", "tree": tree}, {})
     for number, tick in enumerate(ticks, 1):
@@ -38,34 +38,34 @@ def fly(place, *ticks, tree=TREE):
         journal.record_observation("pose", x=1.0, y=1.0, yaw=0.0)
     journal.end_run(Ending.STOPPED, 130)
     journal.close()
-    return place
+    return journal_path
 
 
 def drives(*answers):
-    """Return ticks in which a leaf runs for two seconds, and answers."""
+    """Return ticks in which a leaf runs for 2 s and then returns each status and label."""
     return [
         tick for status, label in answers for tick in ([(DRIVE, "RUNNING", "")], [(DRIVE, status, label)])
     ]
 
 
 @pytest.fixture
-def place(tmp_path):
+def journal_path(tmp_path):
     return tmp_path / "m.journal"
 
 
-def told(capsys, *arguments):
+def stats_output(capsys, *arguments):
     assert main(["stats", *map(str, arguments)]) == 0
     return capsys.readouterr().out
 
 
 def data(capsys, *arguments):
-    return json.loads(told(capsys, *arguments, "--format", "json"))
+    return json.loads(stats_output(capsys, *arguments, "--format", "json"))
 
 
-def test_answers_are_counted_with_their_shares_their_intervals_and_their_times(place, capsys):
-    fly(place, *drives(("SUCCESS", "arrived"), ("SUCCESS", "arrived"), ("FAILURE", "blocked")))
-    fly(place, [(DRIVE, "RUNNING", "")], [], [], [(DRIVE, "SUCCESS", "arrived")])
-    found = data(capsys, place)
+def test_outcomes_have_count_share_interval_and_times(journal_path, capsys):
+    write_run(journal_path, *drives(("SUCCESS", "arrived"), ("SUCCESS", "arrived"), ("FAILURE", "blocked")))
+    write_run(journal_path, [(DRIVE, "RUNNING", "")], [], [], [(DRIVE, "SUCCESS", "arrived")])
+    found = data(capsys, journal_path)
     assert (found["runs"], found["confidence"], found["interval"]) == (2, 0.95, "Wilson")
     (drive,) = found["leaves"]
     assert (drive["path"], drive["count"], drive["retries"], drive["stopped"]) == (["Main", "Drive"], 4, 0, 0)
@@ -76,14 +76,14 @@ def test_answers_are_counted_with_their_shares_their_intervals_and_their_times(p
     assert (blocked["status"], blocked["count"]) == ("FAILURE", 1)
 
 
-def test_journals_are_summed_up_and_told_as_a_table(place, tmp_path, capsys):
-    fly(place, *drives(("SUCCESS", "arrived")))
-    fly(
+def test_journals_are_combined_in_a_table(journal_path, tmp_path, capsys):
+    write_run(journal_path, *drives(("SUCCESS", "arrived")))
+    write_run(
         tmp_path / "other.journal",
         *drives(("SUCCESS", "arrived"), ("FAILURE", "blocked")),
         [(LOOK, "SUCCESS")],
     )
-    lines = told(capsys, place, tmp_path / "other.journal", "--confidence", "0.9").splitlines()
+    lines = stats_output(capsys, journal_path, tmp_path / "other.journal", "--confidence", "0.9").splitlines()
     assert lines[0].split("  ")[0] == "leaf"
     assert "90 % interval" in lines[0]
     assert lines[1].split() == ["Main/Drive", "arrived", "2", "66.7", "%", *lines[1].split()[5:]]
@@ -93,15 +93,18 @@ def test_journals_are_summed_up_and_told_as_a_table(place, tmp_path, capsys):
     assert lines[-1].startswith("2 runs. A share is the part of a leaf's activations that ended")
 
 
-def test_an_answer_after_a_failure_in_the_same_run_is_a_retry(place, capsys):
-    fly(place, *drives(("FAILURE", ""), ("FAILURE", ""), ("SUCCESS", ""), ("SUCCESS", ""), ("FAILURE", "")))
-    fly(place, *drives(("SUCCESS", "")))
-    assert data(capsys, place)["leaves"][0]["retries"] == 2
+def test_outcome_after_failure_in_same_run_is_a_retry(journal_path, capsys):
+    write_run(
+        journal_path,
+        *drives(("FAILURE", ""), ("FAILURE", ""), ("SUCCESS", ""), ("SUCCESS", ""), ("FAILURE", "")),
+    )
+    write_run(journal_path, *drives(("SUCCESS", "")))
+    assert data(capsys, journal_path)["leaves"][0]["retries"] == 2
 
 
-def test_a_leaf_that_is_stopped_or_skipped_has_given_no_answer(place, capsys):
-    fly(
-        place,
+def test_stopped_or_skipped_leaf_has_no_outcome(journal_path, capsys):
+    write_run(
+        journal_path,
         [(DRIVE, "RUNNING", ""), (LOOK, "SKIPPED")],
         [(DRIVE, "HALTED")],
         [(DRIVE, "RUNNING", "")],
@@ -110,16 +113,18 @@ def test_a_leaf_that_is_stopped_or_skipped_has_given_no_answer(place, capsys):
         [(DRIVE, "IDLE")],
         [(DRIVE, "RUNNING", "")],
     )
-    drive, look = data(capsys, place)["leaves"]
+    drive, look = data(capsys, journal_path)["leaves"]
     assert (drive["count"], drive["stopped"], look["count"], look["outcomes"]) == (1, 1, 0, [])
     assert drive["outcomes"][0]["time"]["median"] == 4.0
-    assert "Main/Look" in told(capsys, place)
+    assert "Main/Look" in stats_output(capsys, journal_path)
 
 
-def test_a_journal_in_which_no_leaf_has_answered_is_said(place, capsys):
-    fly(place)
-    assert told(capsys, place) == "1 run. No leaf has returned a result.\n"
-    assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data == {"outcomes": {}}
+def test_journal_without_outcomes_states_so(journal_path, capsys):
+    write_run(journal_path)
+    assert stats_output(capsys, journal_path) == "1 run. No leaf has returned a result.\n"
+    assert parse_yaml(stats_output(capsys, journal_path, "--format", "yaml"), "s.yaml", "").root.data == {
+        "outcomes": {}
+    }
 
 
 @pytest.mark.parametrize(
@@ -130,22 +135,24 @@ def test_a_journal_in_which_no_leaf_has_answered_is_said(place, capsys):
         ([leaf("Drive")], "the tree has 2 nodes instead of 3"),
     ],
 )
-def test_a_journal_of_another_tree_is_refused_in_words(place, tmp_path, capsys, children, words):
-    fly(place)
-    other = fly(tmp_path / "other.journal", tree={**TREE, "children": children})
-    assert main(["stats", str(place), str(other)]) == 2
-    assert f"{other} and {place} record different trees: {words}. " in capsys.readouterr().err
+def test_journal_of_other_tree_is_rejected_with_difference(journal_path, tmp_path, capsys, children, words):
+    write_run(journal_path)
+    other = write_run(tmp_path / "other.journal", tree={**TREE, "children": children})
+    assert main(["stats", str(journal_path), str(other)]) == 2
+    assert f"{other} and {journal_path} record different trees: {words}. " in capsys.readouterr().err
 
 
-def test_a_tree_whose_file_was_moved_is_the_same(place, tmp_path, capsys):
-    fly(place)
+def test_tree_with_moved_file_is_the_same_tree(journal_path, tmp_path, capsys):
+    write_run(journal_path)
     moved = {**TREE, "children": [leaf("Drive", file="/a.xml", line=7), leaf("Look")]}
-    assert data(capsys, place, fly(tmp_path / "other.journal", tree=moved))["runs"] == 2
+    assert data(capsys, journal_path, write_run(tmp_path / "other.journal", tree=moved))["runs"] == 2
 
 
-def test_as_assumptions_a_declared_answer_has_its_chance_and_its_time(place, capsys):
-    fly(place, *drives(*[("SUCCESS", "arrived")] * 9, ("FAILURE", "blocked")), [(LOOK, "SUCCESS")])
-    text = told(capsys, place, "--format", "yaml")
+def test_assumptions_of_declared_outcomes_have_probability_and_time(journal_path, capsys):
+    write_run(
+        journal_path, *drives(*[("SUCCESS", "arrived")] * 9, ("FAILURE", "blocked")), [(LOOK, "SUCCESS")]
+    )
+    text = stats_output(capsys, journal_path, "--format", "yaml")
     assert parse_yaml(text, "s.yaml", "").root.data == {
         "outcomes": {
             "Main/Drive": [
@@ -158,28 +165,34 @@ def test_as_assumptions_a_declared_answer_has_its_chance_and_its_time(place, cap
     assert '"Main/Drive":  # 10 outcomes' in text
 
 
-def test_as_assumptions_a_leaf_that_declares_nothing_may_still_fail_though_it_never_has(place, capsys):
-    fly(place, *[tick for _ in range(10) for tick in ([(LOOK, "SUCCESS")], [(LOOK, "IDLE")])])
-    assert parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["outcomes"] == {
-        "Main/Look": [{"status": "SUCCESS", "p": [0.7225, 1.0]}, {"status": "FAILURE", "p": [0.0, 0.2775]}]
-    }
+def test_assumptions_of_undeclared_leaf_include_unseen_failure(journal_path, capsys):
+    write_run(journal_path, *[tick for _ in range(10) for tick in ([(LOOK, "SUCCESS")], [(LOOK, "IDLE")])])
+    assert parse_yaml(stats_output(capsys, journal_path, "--format", "yaml"), "s.yaml", "").root.data[
+        "outcomes"
+    ] == {"Main/Look": [{"status": "SUCCESS", "p": [0.7225, 1.0]}, {"status": "FAILURE", "p": [0.0, 0.2775]}]}
 
 
-def test_as_assumptions_one_that_runs_takes_its_time(place, capsys):
-    fly(place, *[tick for _ in range(10) for tick in ([(LOOK, "RUNNING")], [(LOOK, "SUCCESS")])])
-    (look,) = parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["outcomes"].values()
+def test_assumptions_of_running_leaf_have_duration(journal_path, capsys):
+    write_run(journal_path, *[tick for _ in range(10) for tick in ([(LOOK, "RUNNING")], [(LOOK, "SUCCESS")])])
+    (look,) = (
+        parse_yaml(stats_output(capsys, journal_path, "--format", "yaml"), "s.yaml", "")
+        .root.data["outcomes"]
+        .values()
+    )
     assert look[0]["sec"] == [2.0, 2.0]
     assert "sec" not in look[1]
     assert look[2] == "RUNNING"
 
 
-def test_a_name_with_a_line_in_it_or_a_slash_stays_a_name(place, capsys):
+def test_line_break_or_slash_in_name_is_preserved(journal_path, capsys):
     names = [leaf("Dri\nve"), leaf("a/b: {"), leaf("few\n- x")]
     ticks = [
         tick for _ in range(10) for tick in ([(1, "SUCCESS"), (2, "SUCCESS")], [(1, "IDLE"), (2, "IDLE")])
     ]
-    fly(place, *ticks, [(3, "SUCCESS")], tree={**TREE, "children": names})
-    answers = parse_yaml(told(capsys, place, "--format", "yaml"), "s.yaml", "").root.data["outcomes"]
+    write_run(journal_path, *ticks, [(3, "SUCCESS")], tree={**TREE, "children": names})
+    answers = parse_yaml(stats_output(capsys, journal_path, "--format", "yaml"), "s.yaml", "").root.data[
+        "outcomes"
+    ]
     assert [*answers] == ["Main/Dri\nve", "a/b: {"]
 
 
@@ -190,7 +203,7 @@ ANSWERS = st.lists(
 
 @settings(max_examples=rounds(50))
 @given(ANSWERS, st.floats(0.5, 0.999))
-def test_whatever_is_answered_is_counted_and_its_chances_can_add_up_to_one(answers, confidence):
+def test_all_outcomes_are_counted_and_intervals_permit_a_sum_of_one(answers, confidence):
     entries = [JournalEntry(0, 1, 0.0, 0.0, RUN_BEGAN, {"tree": TREE, "run": {}})]
     tick = 0
     for status, label, running in answers:
@@ -212,16 +225,16 @@ def test_whatever_is_answered_is_counted_and_its_chances_can_add_up_to_one(answe
 LIMITED = {"class": "a.Timeout", "name": "Limit", "children": [leaf("Drive")]}
 
 
-def test_what_time_limits_have_decided_is_counted_beside_the_leaves(place, capsys):
+def test_expired_time_limits_are_counted_as_decisions(journal_path, capsys):
     expired = [
         [(1, "RUNNING", ""), (0, "RUNNING")],
         [],
         [(0, "FAILURE"), (1, "HALTED")],
     ]
-    fly(place, *expired, *expired, tree=LIMITED)
-    (decision,) = data(capsys, place)["decisions"]
+    write_run(journal_path, *expired, *expired, tree=LIMITED)
+    (decision,) = data(capsys, journal_path)["decisions"]
     assert (decision["path"], decision["status"], decision["count"]) == (["Limit"], "FAILURE", 2)
     assert decision["time"]["median"] == 4.0
     assert ["Limit", "FAILURE", "2", "4.0", "s"] in [
-        line.split() for line in told(capsys, place).splitlines()
+        line.split() for line in stats_output(capsys, journal_path).splitlines()
     ]

@@ -1,4 +1,4 @@
-"""What is written of the nodes of a tree."""
+"""Tests of the journal entries about the nodes of a tree."""
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -28,8 +28,8 @@ def leaf(name, *statuses):
     return StatusQueue(name, list(statuses), eventually=statuses[-1])
 
 
-def watched(journal, root, ticks):
-    """Tick a tree; return of each entry the tick, the node's number and its status."""
+def recorded_statuses(journal, root, ticks):
+    """Tick a tree; return the tick, node number and status of each entry."""
     tree = BehaviourTree(root)
     tree.add_visitor(StatusWatch(root, journal))
     for _ in range(ticks):
@@ -39,11 +39,11 @@ def watched(journal, root, ticks):
     return [(entry["tick"], entry["node"], entry["status"]) for entry in entries]
 
 
-def test_a_status_is_written_when_it_changes(journal):
+def test_status_is_written_when_it_changes(journal):
     one = leaf("one", Status.RUNNING, Status.RUNNING, Status.SUCCESS)
     two = leaf("two", Status.FAILURE)
     root = Sequence("root", memory=True, children=[one, two])
-    assert watched(journal, root, 3) == [
+    assert recorded_statuses(journal, root, 3) == [
         (1, 1, "RUNNING"),
         (1, 0, "RUNNING"),
         (3, 1, "SUCCESS"),
@@ -52,14 +52,14 @@ def test_a_status_is_written_when_it_changes(journal):
     ]
 
 
-def test_a_node_that_is_stopped_is_written_as_halted(journal):
+def test_stopped_node_is_written_as_halted(journal):
     first = leaf("first", Status.FAILURE, Status.SUCCESS)
     second = leaf("second", Status.RUNNING)
     root = Selector("root", memory=False, children=[first, second])
-    assert (2, 2, "HALTED") in watched(journal, root, 2)
+    assert (2, 2, "HALTED") in recorded_statuses(journal, root, 2)
 
 
-def test_a_tree_that_is_stopped_from_outside_is_written_down_to_its_leaves(journal):
+def test_tree_stopped_from_outside_is_written_down_to_its_leaves(journal):
     done, runs = leaf("done", Status.SUCCESS), leaf("runs", Status.RUNNING)
     root = Sequence("root", memory=True, children=[Sequence("inner", memory=True, children=[done]), runs])
     tree, watch = BehaviourTree(root), StatusWatch(root, journal)
@@ -73,16 +73,16 @@ def test_a_tree_that_is_stopped_from_outside_is_written_down_to_its_leaves(journ
     assert last == {0: "HALTED", 1: "IDLE", 2: "IDLE", 3: "HALTED"}
 
 
-def test_what_comes_to_the_same_after_a_tick_without_it_is_written_again(journal):
+def test_same_status_is_written_again_after_tick_without_node(journal):
     first = leaf("first", Status.FAILURE, Status.SUCCESS, Status.FAILURE)
-    # py_trees leaves its status as it is: nothing but its being ticked shows that it had a part again.
+    # py_trees does not reset its status: only the tick shows that it was active again.
     second = leaf("second", Status.SUCCESS)
     root = Selector("root", memory=False, children=[first, second])
-    entries = watched(journal, root, 4)
+    entries = recorded_statuses(journal, root, 4)
     assert [entry for entry in entries if entry[1] == 2] == [(1, 2, "SUCCESS"), (3, 2, "SUCCESS")]
 
 
-def test_a_node_that_is_halted_after_it_was_skipped_while_it_ran_is_written_as_halted(journal):
+def test_node_halted_after_skip_while_running_is_written_as_halted(journal):
     class Passed(SkippableLeaf):
         outcomes = [Status.RUNNING, SKIPPED]  # noqa: RUF012 - taken once
 
@@ -99,7 +99,7 @@ def test_a_node_that_is_halted_after_it_was_skipped_while_it_ran_is_written_as_h
     assert [entry["status"] for entry in entries] == ["RUNNING", "SKIPPED", "HALTED"]
 
 
-def test_a_message_that_changes_is_written(journal):
+def test_changed_message_is_written(journal):
     one = leaf("one", Status.RUNNING)
     tree = BehaviourTree(one)
     tree.add_visitor(StatusWatch(one, journal))
@@ -112,11 +112,11 @@ def test_a_message_that_changes_is_written(journal):
     assert entries == ["2.5 m left", "1.0 m left"]
 
 
-def test_a_node_that_had_ended_is_written_as_idle_once_what_is_above_it_begins_anew(journal):
+def test_finished_node_is_written_as_idle_when_its_parent_restarts(journal):
     first = leaf("first", Status.SUCCESS, Status.FAILURE)
     second = leaf("second", Status.FAILURE)
     root = Sequence("root", memory=True, children=[first, second])
-    assert watched(journal, root, 3) == [
+    assert recorded_statuses(journal, root, 3) == [
         (1, 1, "SUCCESS"),
         (1, 2, "FAILURE"),
         (1, 0, "FAILURE"),
@@ -125,7 +125,7 @@ def test_a_node_that_had_ended_is_written_as_idle_once_what_is_above_it_begins_a
     ]
 
 
-SAYING = (
+OUTCOMES = (
     Outcome("SUCCESS", "found"),
     Outcome("SUCCESS", "nothing"),
     Outcome("FAILURE", "no answer"),
@@ -134,10 +134,10 @@ SAYING = (
 
 
 def labels_of(journal, statuses, said, warnings):
-    """Tick a leaf that has declared answers; return the labels that are written, where it has said these."""
+    """Tick a leaf with declared outcomes that sets these labels; return the labels that are written."""
     one = Scripted("one", statuses, said)
     tree = BehaviourTree(one)
-    tree.add_visitor(StatusWatch(one, journal, {one.id: SAYING}, warnings.append))
+    tree.add_visitor(StatusWatch(one, journal, {one.id: OUTCOMES}, warnings.append))
     for _ in statuses:
         tree.tick()
     journal._write()
@@ -156,10 +156,10 @@ class Scripted(Behaviour):
         return status
 
 
-def test_the_answer_that_a_leaf_has_given_is_written(journal):
+def test_outcome_label_of_leaf_is_written(journal):
     warnings: list[str] = []
     statuses = [Status.RUNNING, Status.SUCCESS, Status.SUCCESS, Status.FAILURE]
-    # Of a status with one answer nothing is to be said, and what was said before counts for nothing then.
+    # A status with one outcome needs no label, and an earlier label has no effect on it.
     assert labels_of(journal, statuses, [None, "found", "nothing", None], warnings) == [
         "searching",
         "found",
@@ -169,13 +169,13 @@ def test_the_answer_that_a_leaf_has_given_is_written(journal):
     assert warnings == []
 
 
-def test_which_of_several_answers_it_was_is_not_guessed(journal):
+def test_missing_label_is_not_guessed_from_several_outcomes(journal):
     warnings: list[str] = []
     assert labels_of(journal, [Status.SUCCESS], [None], warnings) == [""]
     assert warnings == []
 
 
-def test_an_answer_that_is_not_declared_is_told_once(journal):
+def test_undeclared_outcome_label_is_reported_once_per_status(journal):
     warnings: list[str] = []
     statuses = [Status.SUCCESS, Status.SUCCESS, Status.FAILURE]
     assert labels_of(journal, statuses, ["fuond", "fuond", None], warnings) == ["", "no answer"]
@@ -185,17 +185,17 @@ def test_an_answer_that_is_not_declared_is_told_once(journal):
     ]
 
 
-def test_of_a_leaf_without_declared_answers_there_is_no_label(journal):
-    assert watched(journal, leaf("one", Status.SUCCESS), 1) == [(1, 0, "SUCCESS")]
+def test_leaf_without_declared_outcomes_has_no_label(journal):
+    assert recorded_statuses(journal, leaf("one", Status.SUCCESS), 1) == [(1, 0, "SUCCESS")]
     (entry,) = journal._file.observations("status")
     assert "label" not in entry.data
 
 
-def test_a_leaf_that_was_ticked_twice_is_shown_with_each_of_its_answers(journal):
+def test_leaf_ticked_twice_is_written_with_each_outcome(journal):
     one = Scripted("one", [Status.FAILURE, Status.SUCCESS], [None, "nothing"])
     live = LiveTree(one)
     visits: list[Visit] = []
-    watch = StatusWatch(one, journal, {one.id: SAYING})
+    watch = StatusWatch(one, journal, {one.id: OUTCOMES})
     watch.initialise()
     live.tick_and_visit(visits)
     live.tick_and_visit(visits)
@@ -208,7 +208,7 @@ def test_a_leaf_that_was_ticked_twice_is_shown_with_each_of_its_answers(journal)
 
 
 class Record:
-    """Notes facts for leaves, as a mission's record does."""
+    """Records events for leaves like a mission's record."""
 
     def __init__(self, journal):
         self._journal = journal
@@ -217,8 +217,8 @@ class Record:
         self._journal.record_event("seen", what=what)
 
 
-class Seeing(Behaviour):
-    """Says to a record what it does."""
+class RecordingLeaf(Behaviour):
+    """Records its start, ticks and end."""
 
     def __init__(self, name, record, *statuses):
         super().__init__(name)
@@ -239,7 +239,7 @@ class Seeing(Behaviour):
 
 
 def facts_by_leaf(journal):
-    """Return what was noted, each with the number of the leaf and of the tick that are written behind it; None where there are none."""
+    """Return the recorded events, each with the leaf and the tick in the entry after it, or None."""
     journal._write()
     behind = {entry.number - 1: entry.data for entry in journal._file.observations("changed")}
     return [
@@ -248,8 +248,8 @@ def facts_by_leaf(journal):
     ]
 
 
-def test_behind_a_fact_stands_which_leaf_has_noted_it_in_which_tick_and_nothing_between_two_ticks(journal):
-    one = Seeing("one", Record(journal), Status.RUNNING, Status.SUCCESS)
+def test_event_is_followed_by_its_leaf_and_tick_unless_between_ticks(journal):
+    one = RecordingLeaf("one", Record(journal), Status.RUNNING, Status.SUCCESS)
     tree = BehaviourTree(Sequence("root", memory=True, children=[leaf("first", Status.SUCCESS), one]))
     tree.add_visitor(StatusWatch(tree.root, journal))
     tree.tick()
@@ -264,7 +264,7 @@ def test_behind_a_fact_stands_which_leaf_has_noted_it_in_which_tick_and_nothing_
     ]
 
 
-def test_a_fact_that_is_noted_by_what_stands_around_leaves_is_none_of_theirs(journal):
+def test_event_recorded_by_control_node_has_no_leaf(journal):
     class Around(Sequence):
         def stop(self, new_status=Status.INVALID):
             journal.record_event("seen", what="the end")
@@ -276,9 +276,9 @@ def test_a_fact_that_is_noted_by_what_stands_around_leaves_is_none_of_theirs(jou
     assert {fact[1:] for fact in facts_by_leaf(journal)} == {(None, None)}
 
 
-def test_the_answer_by_which_a_fact_came_is_written_though_it_is_as_the_last_one(journal):
-    one = Seeing("one", Record(journal), *[Status.RUNNING] * 3)
+def test_unchanged_status_is_written_if_leaf_recorded_an_event(journal):
+    one = RecordingLeaf("one", Record(journal), *[Status.RUNNING] * 3)
     one._record.see = lambda what: (
         journal.record_event("seen", what=what) if len(one._statuses) != 2 else None
     )
-    assert watched(journal, one, 3) == [(1, 0, "RUNNING"), (3, 0, "RUNNING")]
+    assert recorded_statuses(journal, one, 3) == [(1, 0, "RUNNING"), (3, 0, "RUNNING")]

@@ -1,4 +1,4 @@
-"""Rows that repeat a status are left out, and what is computed of a journal stays the same."""
+"""Tests that rows that repeat a status can be omitted without a change of the results."""
 
 import random
 from contextlib import closing
@@ -29,12 +29,12 @@ TREE = {
 PARENTS = [None, 0, 1, 1, 0, 4]
 
 
-def written(path, rows):
-    """Write a journal of some rows, each as its kind and its data, and return its name."""
+def write_journal(path, rows):
+    """Write a journal of rows, given as kind and data; return its path."""
     with closing(JournalFile.create(path)) as file:
         file.reserve()
         file.begin_run({"mission": "m", "tree": TREE}, {"time": 0.0}, 0.0)
-        # All entries of a tick are of one time.
+        # All entries of a tick have the same time.
         tick, made = 0, []
         for number, (kind, data) in enumerate(rows, 1):
             tick = data.get("tick", tick) if isinstance(data, dict) else tick
@@ -56,18 +56,18 @@ def numbers(path, **options):
 RUNNING = [status(0, 1), status(1, 1), status(2, 1, message="9 m")]
 
 
-def test_of_rows_that_repeat_a_status_the_last_one_is_kept(tmp_path):
-    path = written(
+def test_last_of_repeated_status_rows_is_kept(tmp_path):
+    path = write_journal(
         tmp_path / "j", [*RUNNING, *(status(2, tick, message=f'{tick} "m"') for tick in range(2, 9))]
     )
     assert numbers(path, is_condensed=True) == [1, 2, 3, 10]
     assert numbers(path) == [*range(1, 11)]
 
 
-def test_nodes_that_run_side_by_side_are_each_kept_once(tmp_path):
+def test_last_row_of_each_parallel_node_is_kept(tmp_path):
     rows = [*RUNNING, status(4, 1), status(5, 1)]
     rows += [status(node, tick, message=str(tick)) for tick in range(2, 9) for node in (2, 5)]
-    assert numbers(written(tmp_path / "j", rows), is_condensed=True) == [1, 2, 3, 4, 5, 18, 19]
+    assert numbers(write_journal(tmp_path / "j", rows), is_condensed=True) == [1, 2, 3, 4, 5, 18, 19]
 
 
 @pytest.mark.parametrize(
@@ -80,19 +80,19 @@ def test_nodes_that_run_side_by_side_are_each_kept_once(tmp_path):
         (STATUS, '{"tick": 3, "node": 2, "status": "RUNNING", "message": ""}'),
     ],
 )
-def test_nothing_is_left_out_across_anything_else(between, tmp_path):
+def test_rows_around_other_entry_are_kept(between, tmp_path):
     rows = [*RUNNING, status(2, 2, message="8 m"), between, status(2, 4, message="7 m")]
-    assert numbers(written(tmp_path / "j", rows), is_condensed=True) == [1, 2, 3, 4, 5, 6]
+    assert numbers(write_journal(tmp_path / "j", rows), is_condensed=True) == [1, 2, 3, 4, 5, 6]
 
 
-def test_nothing_is_left_out_below_a_node_that_does_not_run(tmp_path):
+def test_rows_below_inactive_node_are_kept(tmp_path):
     rows = [
         status(0, 1),
         status(1, 1, "SUCCESS"),
         status(2, 1),
         *(status(2, tick, message=str(tick)) for tick in (2, 3)),
     ]
-    assert numbers(written(tmp_path / "j", rows), is_condensed=True) == [1, 2, 3, 4, 5]
+    assert numbers(write_journal(tmp_path / "j", rows), is_condensed=True) == [1, 2, 3, 4, 5]
 
 
 def random_rows(chance):
@@ -113,8 +113,8 @@ def random_rows(chance):
             yield LOG, {"node": "n", "level": 30, "text": "x", "stamp": 0.0}
 
 
-def computed(path, **options):
-    """Return all that is computed of a journal."""
+def compute_results(path, **options):
+    """Return all results that are computed from a journal."""
     with JournalFile.open_snapshot(path) as file:
         state = MissionState.from_stream(file.every_run(**options))
         inquiry = FailureAnalysis.from_stream(file.last_run(without=OF_ROBOT, **options))
@@ -132,16 +132,16 @@ def computed(path, **options):
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(rounds(60)))
-def test_what_is_computed_of_a_journal_is_the_same_without_them(seed, tmp_path):
-    path = written(tmp_path / "j", random_rows(random.Random(seed)))  # noqa: S311
-    assert computed(path, is_condensed=True) == computed(path)
+def test_results_are_the_same_without_repeated_rows(seed, tmp_path):
+    path = write_journal(tmp_path / "j", random_rows(random.Random(seed)))  # noqa: S311
+    assert compute_results(path, is_condensed=True) == compute_results(path)
 
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(rounds(20)))
-def test_one_reading_for_state_and_cause_gives_the_same_as_two(seed, tmp_path):
+def test_reading_state_and_cause_together_equals_reading_them_separately(seed, tmp_path):
     rows = [*random_rows(random.Random(seed)), ("photo_taken", {"photo": 1}), status(9, 99)]  # noqa: S311
-    with JournalFile.open_snapshot(written(tmp_path / "j", rows)) as file:
+    with JournalFile.open_snapshot(write_journal(tmp_path / "j", rows)) as file:
         inquiry, state = FailureAnalysis.with_state(file.every_run())
         alone = MissionState.from_stream(file.every_run())
         assert inquiry.find_cause() == FailureAnalysis.from_stream(file.last_run()).find_cause()
@@ -170,14 +170,14 @@ TEXTS = [
 
 
 @pytest.mark.parametrize("text", TEXTS)
-def test_a_status_is_read_as_its_json(text):
+def test_fast_status_parser_agrees_with_json_parser(text):
     def plainly():
         data = mapping(text)
         check_value_types(STATUS, data)
         return data
 
     def read():
-        # The second row finds what is remembered of the first one.
+        # The second row uses the cached result of the first one.
         first, second = entries_of([(number, 1, 0.0, 0.0, STATUS, text) for number in (1, 2)])
         assert first.data == second.data
         return second.data

@@ -1,4 +1,4 @@
-"""A journal may be anybody's: what is in it that no journal has is refused, and it is read in a time that its size has."""
+"""Tests of untrusted journals: foreign content is rejected, and reading takes a time that is limited by the file's size."""
 
 import json
 import os
@@ -21,20 +21,20 @@ ENDLESS = "WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n)"
 
 
 @pytest.fixture
-def place(tmp_path):
-    """A mission that was stopped, with a pose."""
-    place = tmp_path / "mission.journal"
-    journal = open_journal(place)
+def journal_path(tmp_path):
+    """Return the journal of a stopped mission with a pose."""
+    journal_path = tmp_path / "mission.journal"
+    journal = open_journal(journal_path)
     journal.begin({"mission": "patrol"}, {})
     journal.record_event("zone_searched", zone="zone_a", survivor=(1.0, 2.0))
     journal.record_observation("pose", x=float("nan"), y=float("inf"), yaw=0.5)
     journal.end_run(Ending.STOPPED, 130)
     journal.close()
-    return place
+    return journal_path
 
 
-def change(place, *statements):
-    with closing(sqlite3.connect(place, isolation_level=None)) as base:
+def execute_sql(journal_path, *statements):
+    with closing(sqlite3.connect(journal_path, isolation_level=None)) as base:
         for statement in statements:
             base.execute(statement)
 
@@ -55,14 +55,14 @@ def change(place, *statements):
         (["ALTER TABLE fact ADD COLUMN more TEXT"], "the table 'fact'"),
     ],
 )
-def test_what_no_journal_has_is_refused_by_its_name(place, statements, named):
-    change(place, *statements)
+def test_foreign_database_object_is_rejected_by_name(journal_path, statements, named):
+    execute_sql(journal_path, *statements)
     for opened in (JournalFile.read, JournalFile.open):
         with pytest.raises(
             JournalError,
             match=f"was not read, because it contains {named}, which does not belong to a journal",
         ):
-            opened(place)
+            opened(journal_path)
 
 
 @pytest.mark.parametrize("command", [["stats"], ["show"], ["why"], ["report", "-o", "report.html"]])
@@ -81,27 +81,29 @@ def test_what_no_journal_has_is_refused_by_its_name(place, statements, named):
         ("""UPDATE run SET about = '{"tree_id": [[1]]}'""", "tree_id"),
     ],
 )
-def test_a_value_that_is_never_written_is_an_error_of_the_journal_for_every_command(
-    place, command, statement, said, capsys, monkeypatch, tmp_path
+def test_invalid_value_is_a_journal_error_in_every_command(
+    journal_path, command, statement, said, capsys, monkeypatch, tmp_path
 ):
     monkeypatch.chdir(tmp_path)
-    change(place, statement)
-    assert main([command[0], str(place), *command[1:]]) == 2
+    execute_sql(journal_path, statement)
+    assert main([command[0], str(journal_path), *command[1:]]) == 2
     error = capsys.readouterr().err
-    assert f"the journal {place} cannot be used: '{said}' of an entry" in error
+    assert f"the journal {journal_path} cannot be used: '{said}' of an entry" in error
 
 
-def test_what_sqlites_own_tools_leave_is_read(place):
-    change(place, "ANALYZE", "VACUUM")
-    assert [fact.kind for fact in open_journal(place, resume=True).earlier_events()] == ["zone_searched"]
+def test_journal_after_analyze_and_vacuum_is_read(journal_path):
+    execute_sql(journal_path, "ANALYZE", "VACUUM")
+    assert [fact.kind for fact in open_journal(journal_path, resume=True).earlier_events()] == [
+        "zone_searched"
+    ]
 
 
-def test_a_file_that_takes_far_more_work_than_its_size_has_is_given_up(place, monkeypatch):
+def test_reading_stops_if_it_takes_too_many_steps_for_file_size(journal_path, monkeypatch):
     monkeypatch.setattr(database, "_STEPS", 0)
     monkeypatch.setattr(database, "_STEPS_PER_BYTE", 0)
     monkeypatch.setattr("sar_compiler.journal.database._QueryBudget.STRIDE", 1)
     with pytest.raises(JournalError, match="far more steps than expected for a file of this size"):
-        JournalFile.read(place)
+        JournalFile.read(journal_path)
 
 
 PATIENT = f"""
@@ -120,14 +122,14 @@ except KeyboardInterrupt:
 """  # noqa: S608 - the test's own
 
 
-def test_ctrl_c_ends_a_reading_that_would_never_end(place):
+def test_ctrl_c_ends_endless_query(journal_path):
     done = subprocess.run(
-        [sys.executable, "-c", PATIENT, place], capture_output=True, text=True, check=True, timeout=300
+        [sys.executable, "-c", PATIENT, journal_path], capture_output=True, text=True, check=True, timeout=300
     )
     assert done.stdout == "ended\n"
 
 
-def strictly(text):
+def parse_strict_json(text):
     def refuse(constant):
         pytest.fail(f"{constant} is no JSON")
 
@@ -137,68 +139,71 @@ def strictly(text):
 @pytest.mark.parametrize(
     "written", ['{"x": NaN, "y": Infinity, "yaw": 0.5}', '{"x": 1e999, "y": -1E+0400, "yaw": 0.5}', None]
 )
-def test_a_number_that_is_not_finite_is_null_in_every_json(place, tmp_path, capsys, written):
+def test_non_finite_number_is_null_in_json_output(journal_path, tmp_path, capsys, written):
     if written:
-        change(place, f"UPDATE watched SET data = '{written}'")  # noqa: S608 - the test's own
-    assert main(["show", str(place), "--all", "--format", "json"]) == 0
-    (pose,) = strictly(capsys.readouterr().out)["watched"]
+        execute_sql(journal_path, f"UPDATE watched SET data = '{written}'")  # noqa: S608 - the test's own
+    assert main(["show", str(journal_path), "--all", "--format", "json"]) == 0
+    (pose,) = parse_strict_json(capsys.readouterr().out)["watched"]
     assert pose["data"] == {"x": None, "y": None, "yaw": 0.5}
-    assert main(["report", str(place), "-o", str(tmp_path / "r.json"), str(tmp_path / "r.html")]) == 0
-    facts = strictly((tmp_path / "r.json").read_text("utf-8"))["facts"]
+    assert main(["report", str(journal_path), "-o", str(tmp_path / "r.json"), str(tmp_path / "r.html")]) == 0
+    facts = parse_strict_json((tmp_path / "r.json").read_text("utf-8"))["facts"]
     (strange,) = (fact for fact in facts if fact["kind"] == "pose")
     assert strange["data"] == {"x": None, "y": None, "yaw": 0.5}
-    assert main(["why", str(place), "--format", "json"]) == 0
-    assert [each["status"] for each in strictly(capsys.readouterr().out)["causes"]] == ["STOPPED"]
+    assert main(["why", str(journal_path), "--format", "json"]) == 0
+    assert [each["status"] for each in parse_strict_json(capsys.readouterr().out)["causes"]] == ["STOPPED"]
 
 
 @pytest.mark.parametrize("column", ["wall", "time"])
-def test_a_time_that_is_none_is_refused(place, column):
-    change(place, f"UPDATE fact SET {column} = 9e999")  # noqa: S608 - the test's own
-    with closing(JournalFile.read(place)) as file, pytest.raises(JournalError, match="inf is not a time"):
+def test_infinite_time_is_rejected(journal_path, column):
+    execute_sql(journal_path, f"UPDATE fact SET {column} = 9e999")  # noqa: S608 - the test's own
+    with (
+        closing(JournalFile.read(journal_path)) as file,
+        pytest.raises(JournalError, match="inf is not a time"),
+    ):
         [*file.events()]
 
 
-def _a_link(name, other):
+def _make_link(name, other):
     name.symlink_to(other)
 
 
-def _a_pipe(name, _other):
+def _make_pipe(name, _other):
     os.mkfifo(name)
 
 
-def _another_file(name, other):
+def _make_hardlink(name, other):
     name.hardlink_to(other)
 
 
 @pytest.mark.parametrize("is_put_back", [False, True], ids=["for good", "for a moment"])
-@pytest.mark.parametrize("put", [_a_link, _another_file, _a_pipe], ids=["a link", "another file", "a pipe"])
+@pytest.mark.parametrize(
+    "put", [_make_link, _make_hardlink, _make_pipe], ids=["a link", "another file", "a pipe"]
+)
 @pytest.mark.parametrize("way", ["read", "read while it is written", "written"])
-def test_a_journal_that_is_exchanged_after_the_check_is_not_read(
-    place, tmp_path, monkeypatch, way, put, is_put_back
-):
+def test_journal_replaced_after_check_is_not_read(journal_path, tmp_path, monkeypatch, way, put, is_put_back):
     other, aside = tmp_path / "secret", tmp_path / "aside"
-    shutil.copy(place, other)
+    shutil.copy(journal_path, other)
     connect = database._connect
 
     def exchange_and_connect(*arguments, **options):
-        place.rename(aside)
-        put(place, other)
+        journal_path.rename(aside)
+        put(journal_path, other)
         try:
             return connect(*arguments, **options)
         finally:
             if is_put_back:
-                aside.replace(place)
+                aside.replace(journal_path)
 
     monkeypatch.setattr(database, "_connect", exchange_and_connect)
     monkeypatch.setattr(database, "_is_used", lambda _path: way == "read while it is written")
     # SQLite itself refuses most pipes.
-    reason = None if put is _a_pipe else "it was replaced while it was opened"
+    reason = None if put is _make_pipe else "it was replaced while it was opened"
     with pytest.raises(JournalError, match=reason):
-        (JournalFile.open if way == "written" else JournalFile.read)(place)
+        (JournalFile.open if way == "written" else JournalFile.read)(journal_path)
 
 
-def test_a_journal_that_this_process_has_open_is_opened_again(place):
-    with JournalFile.open_snapshot(place) as first, JournalFile.open_snapshot(place) as second:
+def test_journal_opened_by_this_process_is_opened_again(journal_path):
+    with JournalFile.open_snapshot(journal_path) as first, JournalFile.open_snapshot(journal_path) as second:
         assert first.description() == second.description()
 
 
@@ -212,12 +217,12 @@ for word in ["secret", "written"]:
 """
 
 
-@pytest.mark.parametrize("put", [_a_link, _a_pipe], ids=["a link", "a pipe"])
+@pytest.mark.parametrize("put", [_make_link, _make_pipe], ids=["a link", "a pipe"])
 @pytest.mark.parametrize("suffix", ["-wal", "-shm"])
-def test_a_file_beside_a_journal_that_is_exchanged_is_neither_followed_nor_waited_for(
-    place, tmp_path, monkeypatch, suffix, put
+def test_replaced_wal_or_shm_file_is_neither_followed_nor_waited_for(
+    journal_path, tmp_path, monkeypatch, suffix, put
 ):
-    beside, other = place.with_name(f"{place.name}{suffix}"), tmp_path / "secret"
+    beside, other = journal_path.with_name(f"{journal_path.name}{suffix}"), tmp_path / "secret"
     connect = database._connect
 
     def connect_and_exchange(*arguments, **options):
@@ -227,7 +232,7 @@ def test_a_file_beside_a_journal_that_is_exchanged_is_neither_followed_nor_waite
         return connection
 
     with subprocess.Popen(
-        [sys.executable, "-c", WRITER, place], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        [sys.executable, "-c", WRITER, journal_path], stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as writer:
         assert writer.stdin is not None
         assert writer.stdout is not None
@@ -237,6 +242,6 @@ def test_a_file_beside_a_journal_that_is_exchanged_is_neither_followed_nor_waite
         writer.stdin.flush()
         assert writer.stdout.readline() == b"written\n"
         monkeypatch.setattr(database, "_connect", connect_and_exchange)
-        with suppress(JournalError), JournalFile.open_snapshot(place) as file:
+        with suppress(JournalError), JournalFile.open_snapshot(journal_path) as file:
             assert file.description()["mission"] == "written"
         writer.communicate()

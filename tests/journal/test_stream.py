@@ -1,4 +1,4 @@
-"""Who listens to a journal is told what can be read from its file afterwards, with or without a file."""
+"""Tests that listeners of a journal receive the entries that its file contains, with or without a file."""
 
 import itertools
 import time
@@ -18,8 +18,8 @@ from sar_compiler.reports.explanation import Explanation
 from sar_compiler.reports.journals import journal_json, journal_lines
 
 
-def live(journal):
-    """Begin, do something and end; return what a listener was told."""
+def record_run(journal):
+    """Record a run; return the entries that a listener received."""
     told: list[JournalEntry] = []
     journal.add_listener(told.append)
     journal.begin({"mission": "patrol"}, {"node": "/patrol"})
@@ -30,10 +30,10 @@ def live(journal):
     return [(entry.number, entry.run, entry.kind, entry.data) for entry in told]
 
 
-def test_a_listener_is_told_what_the_stream_of_the_file_has(tmp_path):
-    place = tmp_path / "mission.journal"
-    told = live(open_journal(place))
-    with closing(JournalFile.read(place)) as file:
+def test_listener_receives_same_entries_as_stream_of_file(tmp_path):
+    journal_path = tmp_path / "mission.journal"
+    told = record_run(open_journal(journal_path))
+    with closing(JournalFile.read(journal_path)) as file:
         read = [(entry.number, entry.run, entry.kind, entry.data) for entry in file.stream()]
     assert read == told
     assert [kind for _, _, kind, _ in told] == ["run_began", "pose", "zone_visited", "run_ended"]
@@ -42,15 +42,17 @@ def test_a_listener_is_told_what_the_stream_of_the_file_has(tmp_path):
     assert told[-1][3] == {"ending": "over", "status": 0, "reason": "Complete.", **head}
 
 
-def test_a_listener_without_a_file_is_told_the_same_but_for_the_head_of_the_chain(tmp_path):
+def test_listener_without_file_receives_same_entries_except_head(tmp_path):
     def without_process(told):
         told[-1][3].pop("head", None)
         return [(number, kind, data) for number, _, kind, data in told if kind != "run_began"]
 
-    assert without_process(live(Journal())) == without_process(live(open_journal(tmp_path / "a.journal")))
+    assert without_process(record_run(Journal())) == without_process(
+        record_run(open_journal(tmp_path / "a.journal"))
+    )
 
 
-def test_a_listener_that_raises_is_left_out_and_told_of_and_the_others_go_on():
+def test_failing_listener_is_removed_and_reported():
     journal = Journal()
     told: list[JournalEntry] = []
     said: list[str] = []
@@ -67,25 +69,25 @@ def test_a_listener_that_raises_is_left_out_and_told_of_and_the_others_go_on():
     assert said == ["A listener of the journal has failed and was removed: OSError()."]
 
 
-def test_the_runs_of_a_mission_come_one_after_the_other(tmp_path):
-    place = tmp_path / "mission.journal"
+def test_stream_has_runs_in_order(tmp_path):
+    journal_path = tmp_path / "mission.journal"
     for resume in (False, True):
-        journal = open_journal(place, resume=resume)
+        journal = open_journal(journal_path, resume=resume)
         journal.begin({}, {})
         journal.record_event("zone_visited", zone="zone_a")
         journal.end_run(Ending.STOPPED, 130)
         journal.close()
-    with closing(JournalFile.read(place)) as file:
+    with closing(JournalFile.read(journal_path)) as file:
         stream = [(entry.run, entry.kind) for entry in file.stream()]
     kinds = ("run_began", "zone_visited", "run_ended")
     assert stream == [(run, kind) for run in (1, 2) for kind in kinds]
 
 
-def test_a_log_line_before_the_start_of_a_resumed_run_belongs_to_that_run(tmp_path):
-    place = tmp_path / "mission.journal"
+def test_log_line_before_start_of_resumed_run_belongs_to_that_run(tmp_path):
+    journal_path = tmp_path / "mission.journal"
     told: list[JournalEntry] = []
     for resume in (False, True, True):
-        journal = open_journal(place, resume=resume)
+        journal = open_journal(journal_path, resume=resume)
         journal.add_listener(told.append)
         journal.record_observation("log", text="waiting for navigation")
         journal.begin({}, {})
@@ -95,20 +97,20 @@ def test_a_log_line_before_the_start_of_a_resumed_run_belongs_to_that_run(tmp_pa
     ]
 
 
-def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back(tmp_path, monkeypatch):
-    place = tmp_path / "mission.journal"
+def test_entries_keep_their_order_if_system_clock_is_set_back(tmp_path, monkeypatch):
+    journal_path = tmp_path / "mission.journal"
     clock = iter([*range(100, 105), *range(50, 100)])
     monkeypatch.setattr(time, "time", lambda: float(next(clock)))
     written = []
     for run in (1, 2):
-        journal = open_journal(place, resume=run == 2)
+        journal = open_journal(journal_path, resume=run == 2)
         journal.begin({}, {})
         for number in range(3):
             journal.record_observation("pose", x=float(number))
             journal.record_event("zone_visited", zone=f"zone_{number}")
             written += [(run, "pose"), (run, "zone_visited")]
         journal.close()
-    with closing(JournalFile.read(place)) as file:
+    with closing(JournalFile.read(journal_path)) as file:
         happened = [entry for entry in file.stream() if entry.kind != "run_began"]
         told = [*journal_lines(file, MissionState(), with_watched=True)]
     assert [(entry.run, entry.kind) for entry in happened] == written
@@ -116,7 +118,7 @@ def test_what_has_happened_keeps_its_order_though_the_system_s_clock_is_set_back
     assert [line.split()[1] for line in told if line.startswith(" ")] == [kind for _, kind in written]
 
 
-def test_a_value_that_is_no_json_is_the_callers_mistake_without_a_file_too():
+def test_value_that_is_not_json_raises_type_error_without_file():
     journal = Journal()
     entries: list[JournalEntry] = []
     journal.add_listener(entries.append)
@@ -127,8 +129,8 @@ def test_a_value_that_is_no_json_is_the_callers_mistake_without_a_file_too():
     assert [entry.kind for entry in entries] == ["run_began"]
 
 
-def held_at_most(read):
-    """Return how many bytes are held at most while something is read."""
+def peak_memory(read):
+    """Return the peak memory in bytes while `read` runs."""
     tracemalloc.start()
     try:
         read()
@@ -138,10 +140,10 @@ def held_at_most(read):
 
 
 @pytest.mark.unmeasured
-def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_path):
+def test_long_journal_is_processed_without_keeping_it_in_memory(tmp_path):
     def long(count):
-        place = tmp_path / f"{count}.journal"
-        file = JournalFile.create(place)
+        journal_path = tmp_path / f"{count}.journal"
+        file = JournalFile.create(journal_path)
         file.begin_run({"mission": "patrol", "tree": {"name": "Root", "children": []}}, {"time": 0.0}, 9.0)
         said = (
             f'{{"node": 0, "tick": {number}, "status": "{status}", "message": ""}}'
@@ -149,7 +151,7 @@ def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_p
         )
         file.write([Row(number, 1, 9.0, 1.0, "status", data) for number, data in enumerate(said, 1)])
         file.close()
-        return JournalFile.read(place)
+        return JournalFile.read(journal_path)
 
     with closing(long(500)) as short, closing(long(10_000)) as file:
         for read in (
@@ -159,9 +161,9 @@ def test_a_long_journal_is_shown_reported_and_explained_without_holding_it(tmp_p
             lambda file: Explanation.explain(file).data(),
             lambda file: deque(recorded_events(file.stream()), 0),
         ):
-            read(short)  # what is imported and cached is no part of it
+            read(short)  # imports and caches are not counted
             # An entry takes more than 500 bytes.
             assert (
-                held_at_most(lambda read=read: read(file))
-                < held_at_most(lambda read=read: read(short)) + 500_000
+                peak_memory(lambda read=read: read(file))
+                < peak_memory(lambda read=read: read(short)) + 500_000
             )
