@@ -124,24 +124,24 @@ TESTED_BY = {
             "test_a_chain_that_was_computed_anew_is_found_with_the_head_and_only_with_it",
         ),
         "A journal has positions": (
-            "test_a_number_that_is_not_finite_is_null_in_every_json", "test_a_fact_with_a_position_that_is_none_is_refused",
+            "test_a_number_that_is_not_finite_is_null_in_every_json", "test_event_with_invalid_position_is_rejected",
             "test_a_time_that_is_none_is_refused",
         ),
         "For damaged files and for escape sequences": ("test_every_promise_names_its_tests",),
         "Numbers in parameter files": ("test_number_must_be_finite", "test_a_mistake_in_a_world_file_is_found_where_it_stands"),
         "Positions in worlds and maps": ("test_a_mistake_in_a_world_file_is_found_where_it_stands",),
         "A node responds with a survivor": (
-            "test_a_survivor_where_nobody_can_be_is_no_answer", "test_a_survivor_beyond_the_map_is_no_answer",
+            "test_impossible_position_is_a_failure", "test_survivor_position_must_be_inside_map",
             "test_any_answer_about_a_survivor_and_any_map_are_judged", "test_limits_on_security_page_match_code",
         ),
-        "A node reports a survivor without a position": ("test_does_not_acknowledge_a_report_at_no_position",),
-        "A node sends an error text": ("test_any_end_of_a_drive_is_a_line", "test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log"),
+        "A node reports a survivor without a position": ("test_report_at_invalid_position_is_not_acknowledged",),
+        "A node sends an error text": ("test_any_end_of_a_drive_is_a_line", "test_server_message_is_escaped_and_shortened_in_log"),
         "A node claims, on `ACTION/_mission`": (
             "test_running_mission_takes_precedence_over_older_starting_mission",
             "test_younger_of_two_running_missions_gives_way",
         ),
         "A node responds to another goal": (
-            "test_result_of_abandoned_query_is_ignored", "test_the_late_answer_of_an_old_call_is_ignored",
+            "test_result_of_abandoned_query_is_ignored", "test_late_response_of_old_call_is_ignored",
         ),
         "A node sends `sar-run --serve` a goal": (
             "test_a_client_starts_trees_by_their_names_one_after_the_other", "test_a_payload_that_is_none_is_refused",
@@ -198,11 +198,11 @@ TESTED_BY = {
     RELIABILITY: {
         "Each item is tested": ("test_every_promise_names_its_tests",),
         "The run considers a goal ended when": (
-            "test_a_result_that_is_lost_is_known_by_the_status_topic", "test_a_server_that_was_restarted_does_not_know_the_goal",
+            "test_a_result_that_is_lost_is_known_by_the_status_topic", "test_goal_fails_if_restarted_server_does_not_know_it",
         ),
         "If the run cannot confirm the end": ("test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4",),
         "A server that stops responding": (
-            "test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled",
+            "test_goal_of_silent_server_fails_and_is_canceled",
             "test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_not",
         ),
         "While a mission drives with": ("test_observer_claims_nothing_and_sees_running_mission", "test_younger_of_two_starting_missions_gives_way"),

@@ -1,4 +1,4 @@
-"""A stage for the mission's leaves: a node, scripted servers, and what the leaves said."""
+"""Fixtures for tests of mission leaves: a stage with a node, scripted servers and the log lines of the leaves."""
 
 from collections.abc import Callable, Iterator
 from importlib import import_module
@@ -15,7 +15,7 @@ __all__ = ["make_ros", "ros", "said"]
 
 
 def _stage(*contexts: Any) -> "Stage":
-    # Imported late: this file is read on machines without ROS too.
+    # Imported late: this file is also loaded on machines without ROS.
     stage: Stage = import_module("mission_stage").Stage(*contexts)
     return stage
 
@@ -32,7 +32,7 @@ def ros_context() -> Iterator[Any]:
 
 @pytest.fixture
 def make_stage(ros_context: Any) -> Iterator[Callable[[], "Stage"]]:
-    """Make stages, each in a namespace of its own."""
+    """Return a function that makes stages, each in its own namespace."""
     stages: list[Stage] = []
 
     def make() -> "Stage":
@@ -52,7 +52,7 @@ def stage(make_stage: Callable[[], "Stage"]) -> "Stage":
 
 @pytest.fixture
 def mortal_stage(ros_context: Any) -> Iterator["Stage"]:
-    """Make a stage whose mission has a ROS context of its own, which a test may shut down."""
+    """A stage whose mission has its own ROS context, so that a test can shut it down."""
     import rclpy
 
     context = rclpy.context.Context()

@@ -1,4 +1,4 @@
-"""What the leaves are tested with: a mission's node, and servers that do what a test tells them."""
+"""Test bench for mission leaves: a mission node, and servers that follow the instructions of a test."""
 
 import itertools
 import threading
@@ -37,13 +37,13 @@ BASE: dict[str, Any] = {"x": 0.5, "y": -0.25, "yaw": 3.14}
 _numbers = itertools.count(1)
 
 
-# Of several reports some may be delivered, and then the base is gone: none of its answers says how many.
+# Some of several reports may be delivered before the base stops responding: no declared outcome states how many.
 _MAY_LEAVE_OPEN = {("DeliverReports", "FAILURE")}
 _DECLARED = {spec.tag: DeclaredOutcomes(spec.outcomes) for spec in SPECS}
 
 
 def _checked(leaf: Behaviour) -> Callable[[], None]:
-    """Return the `tick_once` of a leaf, which raises where it is not known which of its declared answers it has given."""
+    """Return a `tick_once` for the leaf that raises if the outcome is not one of its declared outcomes."""
     tick_once, tag = leaf.tick_once, type(leaf).__name__
 
     def checked() -> None:
@@ -57,7 +57,7 @@ def _checked(leaf: Behaviour) -> Callable[[], None]:
 
 
 class Recorder:
-    """A logger that keeps its lines."""
+    """A logger that stores its lines."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -70,7 +70,7 @@ class Recorder:
         self.warnings.append(text)
 
     def debug(self, text: str) -> None:
-        """What is only for developers is nothing a test holds."""
+        """Ignore debug lines: no test checks them."""
 
     warn = error = warning
 
@@ -79,11 +79,11 @@ class Recorder:
 
 
 class RecordingNode(Node):
-    """A node whose leaves' log lines a test can read."""
+    """A node that stores the log lines of its leaves for the test."""
 
     def __init__(self, name: str, namespace: str, context: Any) -> None:
         self.recorder = Recorder()
-        # As a mission in a namespace is started: with frames of its own.
+        # As the launch of a mission in a namespace does: each namespace has its own frames.
         remap = ["--ros-args", "-r", "/tf_static:=tf_static"]
         super().__init__(name, namespace=namespace, context=context, enable_rosout=False, cli_args=remap)
 
@@ -92,7 +92,7 @@ class RecordingNode(Node):
 
 
 class Host:
-    """A node for servers, spinning in threads of its own until it is closed."""
+    """A node for servers that spins in its own threads until it is closed."""
 
     def __init__(self, name: str, namespace: str, context: Any) -> None:
         self.node = RecordingNode(name, namespace, context)
@@ -110,22 +110,22 @@ class Host:
             self._executor.spin_once(timeout_sec=0.1)
 
     def at_close(self, action: Callable[[], None]) -> None:
-        """Have something done that lets callbacks under way come to their end."""
+        """Register an action at close that lets running callbacks finish."""
         self._at_close.append(action)
 
     def at_end(self, action: Callable[[], None]) -> None:
-        """Have something done once nothing is taken from the servers any more."""
+        """Register an action at close, after the executor has stopped reading from the servers."""
         self._at_end.append(action)
 
     def close(self) -> None:
-        """Take the node and its servers out of the graph, as when their process ends."""
+        """Remove the node and its servers from the graph, as when their process exits."""
         if self._closing.is_set():
             return
         self._closing.set()
         self._executor.wake()
         self._thread.join()
-        # Not before: a server destroyed while the executor takes from it would raise there. And not after
-        # its callbacks were let go: what they answer would still be sent.
+        # Not before: destroying a server while the executor reads from it would raise there. Not after
+        # releasing its callbacks either: their responses would still be sent.
         for action in self._at_end:
             action()
         for action in self._at_close:
@@ -136,7 +136,7 @@ class Host:
 
 @dataclass
 class SeenGoal:
-    """A goal as the server saw it; `orders` makes it do something."""
+    """A goal as the server received it; instructions in `orders` are executed one by one."""
 
     goal: Any
     orders: "Queue[str]" = field(default_factory=Queue)
@@ -156,18 +156,19 @@ class SeenGoal:
 
 
 class NavServer:
-    """An action of Nav2's navigator that follows orders: `succeed`, `abort`, `cancel`, `feedback`, `2 left`.
+    """An action server of Nav2's navigator that follows instructions: `succeed`, `abort`, `feedback`, `2 left`.
 
     Attributes:
         accept: Whether goals are accepted.
         accept_after: Seconds between a goal's arrival and its acceptance.
         heed_cancel: Whether cancel requests are granted.
-        script: The orders that every goal starts with.
-        error_code: What an abort reports: 105, no progress.
-        loses_results: Whether nobody is answered who asks for the result of a goal that has begun.
+        script: The instructions that every goal starts with.
+        error_code: The error code of an abort; 105 means no progress.
+        loses_results: Whether requests for the result of an accepted goal get no response.
         goals: The accepted goals.
         requests: How many goals arrived.
-        host: Where it runs.
+        cancels: How many cancel requests arrived.
+        host: The host of the server.
     """
 
     def __init__(self, host: Host, name: str = "navigate_to_pose", action_type: Any = NavigateToPose) -> None:
@@ -205,7 +206,7 @@ class NavServer:
         host.at_end(self._server.destroy)
 
     def order(self, *orders: str) -> None:
-        """Give orders to the latest goal."""
+        """Queue instructions for the latest goal."""
         for order in orders:
             self.goals[-1].orders.put(order)
 
@@ -226,7 +227,7 @@ class NavServer:
         return self.loses_results and any(bytes(seen.handle.goal_id.uuid) == goal_id for seen in self.goals)
 
     def hold(self) -> threading.Event:
-        """Accept the next goal only once the event that is returned is set."""
+        """Delay acceptance of the next goal until the returned event is set."""
         self._held = threading.Event()
         self.host.at_close(self._held.set)
         return self._held
@@ -257,7 +258,7 @@ class NavServer:
 
     def _obey(self, seen: SeenGoal, result: Any) -> None:
         if seen.handle.is_cancel_requested:
-            seen.final = "canceled"  # before somebody hears of it
+            seen.final = "canceled"  # before the client is notified
             seen.handle.canceled()
             return
         try:
@@ -279,14 +280,15 @@ class NavServer:
 
 
 class ScriptedService:
-    """A service that keeps its requests, and answers when it is told to.
+    """A service that stores its requests and responds as scripted.
 
     Attributes:
-        requests: What arrived.
-        outcome: Makes a response out of a request.
-        gate: Set unless answers are to be held back.
-        loses_answers: Whether its answers do not arrive.
-        host: Where it runs.
+        requests: The requests that arrived.
+        answered: How many requests were answered.
+        answer: Fills the response to a request.
+        gate: Set unless responses are to be delayed.
+        loses_answers: Whether responses are dropped.
+        host: The host of the service.
     """
 
     def __init__(self, host: Host, service_type: Any, name: str, answer: Callable[[Any, Any], None]) -> None:
@@ -314,7 +316,7 @@ class ScriptedService:
 
 
 class FrameListener:
-    """A subscriber to `/tf_static` with its own depth of 1, and the latest message."""
+    """A subscriber to `/tf_static` with depth 1 that stores the latest message."""
 
     def __init__(self, node: Node) -> None:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -332,11 +334,11 @@ class FrameListener:
 
 
 class Stage:
-    """One mission and its surroundings, in a namespace of their own.
+    """One mission with its servers and listeners, in its own namespace.
 
     Args:
         context: The ROS context of the mission's node.
-        server_context: The ROS context of the servers' nodes, where it is another.
+        server_context: The ROS context of the servers' nodes, if it is a different one.
     """
 
     def __init__(self, context: Any, server_context: Any = None) -> None:
@@ -357,7 +359,7 @@ class Stage:
         return RecordingNode("mission", self.namespace, self.context)
 
     def renew_node(self) -> None:
-        """Have another node in place of the mission's, as when its process dies and another one begins."""
+        """Replace the mission's node, as when its process crashes and a new one starts."""
         self._executor.remove_node(self.node)
         self.node.destroy_node()
         self.node = self._mission_node()
@@ -372,7 +374,7 @@ class Stage:
         return self.node.recorder.warnings
 
     def static_frames(self, node: Node | None = None) -> "FrameListener":
-        """Listen, from now on, to the static frames that a node of this namespace would see."""
+        """Subscribe to the static frames that a node of this namespace receives."""
         listener = FrameListener(node or self.node)
         self._listeners.append(listener)
         return listener
@@ -408,7 +410,7 @@ class Stage:
         return ScriptedService(self.host(), ReportService, "report_survivor", answer)
 
     def take(self, leaf: L) -> L:
-        """Set a leaf up as a runner does; each answer of it must be one that it has declared, and it must say which."""
+        """Set up a leaf as a runner does, and check that each of its outcomes is declared."""
         self._leaves.append(leaf)
         if type(leaf).__name__ in _DECLARED:
             leaf.tick_once = _checked(leaf)  # type: ignore[method-assign]
@@ -416,7 +418,7 @@ class Stage:
         return leaf
 
     def until(self, condition: Callable[[], object], what: str, timeout_sec: float = SILENCE_SEC) -> None:
-        """Spin the mission's node until something is so."""
+        """Spin the mission's node until a condition is true."""
         end = time.monotonic() + timeout_sec
         while not condition():
             if time.monotonic() > end:
@@ -425,11 +427,11 @@ class Stage:
             self.spin()
 
     def spin(self) -> None:
-        """Let the mission's node do one thing, or nothing for a moment."""
+        """Spin the mission's node once, for at most 10 ms."""
         self._executor.spin_once(timeout_sec=0.01)
 
     def tick_until(self, leaf: Behaviour, condition: Callable[[], object], what: str) -> None:
-        """Tick a leaf, and spin, until something is so."""
+        """Tick a leaf and spin until a condition is true."""
 
         def ticked() -> object:
             leaf.tick_once()
@@ -438,7 +440,7 @@ class Stage:
         self.until(ticked, f"{what} (last status {leaf.status})")
 
     def run(self, leaf: Behaviour) -> Status:
-        """Tick a leaf until it is through."""
+        """Tick a leaf until it has completed, and return its status."""
         leaf.tick_once()
         if leaf.status is Status.RUNNING:
             self.tick_until(leaf, lambda: leaf.status is not Status.RUNNING, "the end of the leaf")

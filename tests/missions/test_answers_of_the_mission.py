@@ -1,4 +1,4 @@
-"""What the mission's leaves say that they can answer is what they do."""
+"""Tests of the declared outcomes and effects of the mission's leaves: simulated leaves behave like the real ones."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ PLACE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 TREE = "trees/search_and_rescue.xml"
 
 
-def test_zones_are_counted_as_the_real_leaves_count_them():
+def test_stub_leaves_count_zones_like_real_leaves():
     body = "<Sequence><ZonesRemaining/><AdvanceZone/></Sequence>"
     binding = bind_main(forest(body), default_registry())
     zones = ZoneManager([{"id": name, **PLACE} for name in ("a", "b")], PLACE)
@@ -40,33 +40,33 @@ def test_zones_are_counted_as_the_real_leaves_count_them():
         ("nothing", ["IsSurvivorDetected? no", "LogNoDetection logged"]),
     ],
 )
-def test_what_the_search_finds_decides_what_follows(found, expected):
+def test_search_outcome_selects_next_branch(found, expected):
     run = simulate(TREE, DetectSurvivor=found).run_to_end()
     run.expect(order=expected)
 
 
-def test_a_new_search_forgets_what_the_last_one_found():
+def test_new_search_clears_previous_detection():
     run = simulate(TREE, DetectSurvivor=["found", {"outcome": "nothing", "after": "1s"}]).tick(2)
     assert run.facts["found_by_DetectSurvivor"] is False
 
 
-def test_nobody_reports_what_nobody_found():
+def test_notify_base_without_detection_can_only_fail():
     binding = bind_main(forest("<Sequence><DetectSurvivor/><NotifyBase/></Sequence>"), default_registry())
     _, report = compile_simulated(binding, {}).leaves
     assert report.options() == (Outcome("FAILURE", "nothing to report", "!named_by_DetectSurvivor"),)
 
 
-def test_a_robot_that_drives_is_nowhere_until_it_arrives():
+def test_location_fact_is_empty_until_arrival():
     run = simulate(TREE, NavigateToZone={"outcome": "arrived", "after": "1s"}).tick()
     assert run.facts["at"] == ""
     assert run.tick(2).facts["at"] == "zone"
 
 
-def test_a_simulated_tree_is_made_of_the_same_classes_as_a_run():
+def test_simulated_tree_has_same_composites_and_names_as_real_tree():
     binding = bind_main(load_forest(Path(TREE), read_tree_file), default_registry())
-    flown, simulated_tree = preview_tree(binding).root, compile_simulated(binding, {}).root
-    assert [type(node) for node in flown.iterate() if node.children] == [
+    real_tree, simulated_tree = preview_tree(binding).root, compile_simulated(binding, {}).root
+    assert [type(node) for node in real_tree.iterate() if node.children] == [
         type(node) for node in simulated_tree.iterate() if node.children
     ]
-    assert [node.name for node in flown.iterate()] == [node.name for node in simulated_tree.iterate()]
+    assert [node.name for node in real_tree.iterate()] == [node.name for node in simulated_tree.iterate()]
     assert simulated_tree.status == Status.INVALID

@@ -1,6 +1,6 @@
-"""The leaves of the mission say which of their declared answers they give.
+"""Tests of the outcome labels that the leaves of the mission report.
 
-`Stage.take` holds of every leaf in every test of this folder that what it says is declared; here is what they say.
+`Stage.take` checks in every test of this folder that each reported outcome is declared. These tests check which one it is.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.ros
 
 
-def answer(stage: "Stage", leaf: Any) -> str:
-    """Run a leaf, and return what it has answered."""
+def run_and_get_outcome(stage: "Stage", leaf: Any) -> str:
+    """Run a leaf, and return its status and outcome label."""
     return f"{stage.run(leaf).value} {leaf.outcome_label}"
 
 
@@ -34,18 +34,18 @@ def search(stage: "Stage", **options: Any) -> Any:
     return stage.take(DetectSurvivor("Search", stage.zones, record=stage.record, **options))
 
 
-def finish(stage: "Stage") -> None:
+def visit_all_zones(stage: "Stage") -> None:
     while stage.zones.has_remaining():
         stage.zones.select_next_zone()
 
 
 @pytest.mark.parametrize("cls", [NavigateToZone, NavigateToBase])
-def test_a_drive_says_how_it_has_ended(stage: "Stage", cls: type[Behaviour]) -> None:
+def test_aborted_drive_reports_its_outcome(stage: "Stage", cls: type[Behaviour]) -> None:
     stage.nav_server().script = ["abort"]
-    assert answer(stage, drive(stage, cls)) == "FAILURE aborted"
+    assert run_and_get_outcome(stage, drive(stage, cls)) == "FAILURE aborted"
 
 
-def test_a_drive_says_whether_it_waits_for_somebody_to_judge_it(stage: "Stage") -> None:
+def test_drive_reports_that_it_waits_for_nav2(stage: "Stage") -> None:
     leaf = drive(stage, server_timeout_sec=0.05)
     leaf.tick_once()
     assert leaf.outcome_label == "driving"
@@ -53,48 +53,54 @@ def test_a_drive_says_whether_it_waits_for_somebody_to_judge_it(stage: "Stage") 
     assert leaf.outcome_label == "waiting for Nav2"
 
 
-def test_a_drive_that_nobody_judges_is_no_aborted_one(stage: "Stage") -> None:
-    assert answer(stage, drive(stage, server_timeout_sec=0.05, hold_timeout_sec=0.1)) == "FAILURE unavailable"
+def test_drive_without_server_is_unavailable_not_aborted(stage: "Stage") -> None:
+    assert (
+        run_and_get_outcome(stage, drive(stage, server_timeout_sec=0.05, hold_timeout_sec=0.1))
+        == "FAILURE unavailable"
+    )
 
 
-def test_without_a_zone_there_is_nothing_to_drive_to_to_search_or_to_leave(stage: "Stage") -> None:
-    finish(stage)
-    assert answer(stage, drive(stage)) == "FAILURE no zone"
-    assert answer(stage, search(stage)) == "FAILURE no zone"
-    assert answer(stage, stage.take(AdvanceZone("Advance", stage.zones))) == "SUCCESS no zone"
-    assert answer(stage, stage.take(AbandonZone("Abandon", stage.zones))) == "SUCCESS no zone"
+def test_leaves_report_no_zone_after_last_zone(stage: "Stage") -> None:
+    visit_all_zones(stage)
+    assert run_and_get_outcome(stage, drive(stage)) == "FAILURE no zone"
+    assert run_and_get_outcome(stage, search(stage)) == "FAILURE no zone"
+    assert run_and_get_outcome(stage, stage.take(AdvanceZone("Advance", stage.zones))) == "SUCCESS no zone"
+    assert run_and_get_outcome(stage, stage.take(AbandonZone("Abandon", stage.zones))) == "SUCCESS no zone"
 
 
-def test_zones_that_are_left_are_advanced_and_abandoned(stage: "Stage") -> None:
-    assert answer(stage, stage.take(AdvanceZone("Advance", stage.zones))) == "SUCCESS advanced"
-    assert answer(stage, stage.take(AbandonZone("Abandon", stage.zones))) == "SUCCESS abandoned"
+def test_advance_and_abandon_report_their_outcomes(stage: "Stage") -> None:
+    assert run_and_get_outcome(stage, stage.take(AdvanceZone("Advance", stage.zones))) == "SUCCESS advanced"
+    assert run_and_get_outcome(stage, stage.take(AbandonZone("Abandon", stage.zones))) == "SUCCESS abandoned"
 
 
-def test_a_search_says_what_it_has_found(stage: "Stage") -> None:
+def test_search_reports_found_or_nothing(stage: "Stage") -> None:
     stage.detect_service({"zone_a": (-2.5, 3.2)})
     leaf = search(stage)
-    first = answer(stage, leaf)
+    first = run_and_get_outcome(stage, leaf)
     stage.zones.select_next_zone()
-    assert [first, answer(stage, leaf)] == ["SUCCESS found", "SUCCESS nothing"]
+    assert [first, run_and_get_outcome(stage, leaf)] == ["SUCCESS found", "SUCCESS nothing"]
 
 
-def test_a_search_without_an_answer_says_so(stage: "Stage") -> None:
-    assert answer(stage, search(stage, server_timeout_sec=0.05)) == "FAILURE no answer"
+def test_search_without_response_reports_no_answer(stage: "Stage") -> None:
+    assert run_and_get_outcome(stage, search(stage, server_timeout_sec=0.05)) == "FAILURE no answer"
 
 
-def test_a_report_says_why_it_is_not_acknowledged(stage: "Stage") -> None:
+def test_failed_report_states_reason(stage: "Stage") -> None:
     found = search(stage)
     leaf = stage.take(NotifyBase("Report", found, record=stage.record))
-    nobody = answer(stage, leaf)
+    without_detection = run_and_get_outcome(stage, leaf)
     found._pose, found._survivor_id = (-2.5, 3.2), "survivor_1"
     stage.record.survivor_named("survivor_1", -2.5, 3.2)
     stage.report_service(acknowledged=False)
-    assert [nobody, answer(stage, leaf)] == ["FAILURE nothing to report", "FAILURE refused"]
+    assert [without_detection, run_and_get_outcome(stage, leaf)] == [
+        "FAILURE nothing to report",
+        "FAILURE refused",
+    ]
 
 
-def test_a_delivery_says_what_has_become_of_the_reports(stage: "Stage") -> None:
+def test_delivery_reports_how_many_reports_were_accepted(stage: "Stage") -> None:
     leaf = stage.take(DeliverReports("Deliver", stage.kept, record=stage.record))
-    none = answer(stage, leaf)
+    none = run_and_get_outcome(stage, leaf)
     for number in (1, 2, 3):
         report = SurvivorReport(f"survivor_{number}", -2.5, 3.2)
         stage.record.survivor_named(report.survivor_id, report.x, report.y)
@@ -105,16 +111,16 @@ def test_a_delivery_says_what_has_become_of_the_reports(stage: "Stage") -> None:
         response.acknowledged = next(verdicts)
 
     stage.report_service(acknowledged=False).answer = judge
-    assert [none, *(answer(stage, leaf) for _ in range(4))] == [
+    assert [none, *(run_and_get_outcome(stage, leaf) for _ in range(4))] == [
         "SUCCESS nothing kept",
         "FAILURE refused",
-        "FAILURE ",  # two of three are left, which is none of its answers
+        "FAILURE ",  # two of three are left, for which there is no outcome
         "FAILURE all but one delivered",
         "SUCCESS delivered",
     ]
 
 
-def test_these_are_the_leaves_with_several_answers_of_a_status() -> None:
+def test_leaves_with_several_outcomes_per_status_are_listed() -> None:
     said = {
         spec.tag for spec in SPECS if len({each.status for each in spec.outcomes}) < len(spec.outcomes)
     }  # fmt: skip
@@ -128,7 +134,7 @@ def test_these_are_the_leaves_with_several_answers_of_a_status() -> None:
         "AbandonZone",
         "FullBatterySuffices",  # in tests/missions/test_home_again.py
         "NavigateToCharge",  # as NavigateToBase
-        # These in tests/missions/test_sweeping.py.
+        # The following ones are tested in tests/missions/test_sweeping.py.
         "PlanSweep",
         "RefineSweep",
         "NavigateToPiece",

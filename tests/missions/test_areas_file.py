@@ -1,4 +1,4 @@
-"""Zones as planners draw them on a map of the world: a GeoJSON file becomes zones in metres, or says what is wrong with it."""
+"""Tests of areas files: GeoJSON polygons become zones in metres, and errors are reported."""
 
 import json
 import math
@@ -19,7 +19,7 @@ CORNERS = [(10.0, 5.0), (30.0, 5.0), (30.0, 20.0), (10.0, 20.0)]
 
 
 def ring(corners: list[tuple[float, float]] = CORNERS) -> list[list[float]]:
-    """Return corners in metres as GeoJSON has them: longitude, latitude, closed."""
+    """Return corners in metres as a GeoJSON ring: longitude, latitude, closed."""
     turned = [PLACE.to_coordinates(*corner)[::-1] for corner in corners]
     return [list(each) for each in (*turned, turned[0])]
 
@@ -33,7 +33,7 @@ def feature(
 
 
 def begun(folder: Path, content: Any, **changed: object) -> Search:
-    """Begin a search with a file of areas; content that is no text is written as features."""
+    """Begin a search with an areas file; content that is not a string is written as features."""
     text = (
         content
         if isinstance(content, str)
@@ -48,7 +48,7 @@ def begun(folder: Path, content: Any, **changed: object) -> Search:
     return search
 
 
-def test_each_polygon_is_a_zone_in_metres_with_what_stands_beside_a_pose(tmp_path: Path) -> None:
+def test_polygons_become_zones_with_their_properties(tmp_path: Path) -> None:
     search = begun(tmp_path, [feature(), feature("south", poa=0.2, sweep_width=2.0)])
     grounds = search.sweeps.grounds
     assert list(grounds) == ["north", "south"]
@@ -61,7 +61,7 @@ def test_each_polygon_is_a_zone_in_metres_with_what_stands_beside_a_pose(tmp_pat
     assert 5.0 < zone["y"] < 20.0
 
 
-def test_caltopos_title_is_a_name_and_a_pose_and_an_order_of_the_parameters_count(tmp_path: Path) -> None:
+def test_caltopo_title_names_zone_and_parameters_set_pose_and_order(tmp_path: Path) -> None:
     titled = feature("", title="south")
     poses = {"zones.south.x": 12.0, "zones.south.y": 6.0, "zones.south.yaw": 1.0}
     search = begun(tmp_path, [feature(), titled], zone_order=["south", "north"], **poses)
@@ -69,7 +69,7 @@ def test_caltopos_title_is_a_name_and_a_pose_and_an_order_of_the_parameters_coun
     assert (first["id"], first["x"]) == ("south", 12.0)
 
 
-def test_a_path_is_relative_to_the_file_with_the_parameter(tmp_path: Path) -> None:
+def test_areas_path_is_relative_to_parameter_file(tmp_path: Path) -> None:
     (tmp_path / "areas.geojson").write_text(
         json.dumps({"type": "FeatureCollection", "features": [feature()]}), encoding="utf-8"
     )
@@ -88,7 +88,7 @@ def test_a_path_is_relative_to_the_file_with_the_parameter(tmp_path: Path) -> No
 
 
 def problems_of(folder: Path, value: str) -> list[str]:
-    """Return what is wrong with a file of areas that a parameter file names."""
+    """Return the problems of an areas file that a parameter file names."""
     params = folder / "params.yaml"
     place = ", ".join(f"{key}: {each}" for key, each in PLACE._asdict().items())
     params.write_text(
@@ -103,7 +103,7 @@ def problems_of(folder: Path, value: str) -> list[str]:
 
 
 @pytest.mark.parametrize("path", ["../secret", "{above}/secret", "link"])
-def test_no_parameter_file_leads_to_areas_outside_its_folder(tmp_path: Path, path: str) -> None:
+def test_areas_outside_folder_of_parameter_file_are_rejected(tmp_path: Path, path: str) -> None:
     folder = tmp_path / "mission"
     folder.mkdir()
     (tmp_path / "secret").write_text("never shown", encoding="utf-8")
@@ -113,10 +113,10 @@ def test_no_parameter_file_leads_to_areas_outside_its_folder(tmp_path: Path, pat
     assert problem.endswith("or pass its path on the command line with -p areas_file:=PATH")
 
 
-def test_a_parameter_file_that_is_a_link_may_name_what_lies_beside_the_link_and_beside_the_file(
+def test_symlinked_parameter_file_can_name_symlinked_areas_file(
     tmp_path: Path,
 ) -> None:
-    """As `colcon build --symlink-install` installs them."""
+    """`colcon build --symlink-install` installs both files as links."""
     (tmp_path / "sources").mkdir()
     (tmp_path / "installed").mkdir()
     text = json.dumps({"type": "FeatureCollection", "features": [feature()]})
@@ -135,8 +135,8 @@ def test_a_parameter_file_that_is_a_link_may_name_what_lies_beside_the_link_and_
     assert reader.files["areas_file"].real_path == tmp_path / "sources" / "areas.geojson"
 
 
-def test_a_mission_that_reads_a_file_lists_the_parameter_among_its_paths(tmp_path: Path) -> None:
-    """Else a goal of `sar-run --serve` could set it."""
+def test_mission_that_reads_file_must_list_its_parameter(tmp_path: Path) -> None:
+    """Otherwise a goal of `sar-run --serve` could set the path."""
 
     class Unlisted(type(MISSION)):  # type: ignore[misc]
         path_parameters = ()
@@ -155,12 +155,12 @@ def test_a_mission_that_reads_a_file_lists_the_parameter_among_its_paths(tmp_pat
         begin_run(Unlisted(), ParameterReader(given), binding)
 
 
-def test_more_areas_than_anybody_searches_are_refused_before_they_are_understood(tmp_path: Path) -> None:
+def test_too_many_areas_are_rejected_before_parsing(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="areas_file: has 10,001 areas: write at most 10,000"):
         begun(tmp_path, [{"geometry": {"type": "Polygon"}}] * 10_001)
 
 
-def test_a_ring_that_is_left_open_and_a_layer_of_qgis_have_all_of_their_corners(tmp_path: Path) -> None:
+def test_open_rings_and_multipolygons_keep_all_corners(tmp_path: Path) -> None:
     layer = feature("layer", rings=[[ring()]], kind="MultiPolygon", poa=0.1)
     search = begun(tmp_path, [feature(rings=[ring()[:-1]]), layer])
     for name in ("north", "layer"):
@@ -168,8 +168,8 @@ def test_a_ring_that_is_left_open_and_a_layer_of_qgis_have_all_of_their_corners(
             assert math.dist(found, drawn) < 0.002
 
 
-def test_marks_and_folders_of_a_planner_are_no_areas_and_are_noted(tmp_path: Path) -> None:
-    """CalTopo writes the whole map into one file."""
+def test_features_that_are_not_polygons_are_skipped_with_note(tmp_path: Path) -> None:
+    """CalTopo exports the whole map into one file."""
     mark = feature("last seen here", rings=[10.0, 48.1], kind="Point")
     folder = {"type": "Feature", "properties": {"title": "Sector 1", "class": "Folder"}, "geometry": None}
     text = json.dumps({"type": "FeatureCollection", "features": [folder, mark, feature()]})
@@ -180,7 +180,7 @@ def test_marks_and_folders_of_a_planner_are_no_areas_and_are_noted(tmp_path: Pat
     assert reader.notes == ["areas_file: skipped 2 of 3 features, which are not polygons"]
 
 
-def test_a_layer_that_names_wgs_84_is_taken(tmp_path: Path) -> None:
+def test_layer_in_wgs_84_is_accepted(tmp_path: Path) -> None:
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
     assert list(begun(tmp_path, json.dumps({"crs": crs, "features": [feature()]})).sweeps.grounds) == [
         "north"
@@ -218,7 +218,7 @@ SWAPPED = [[corner[::-1] for corner in ring()]]
         ([feature(rings=[[]])], {}, "areas_file: feature 1 ('north') is a Polygon without corners"),
     ],
 )  # fmt: skip
-def test_each_mistake_in_the_file_is_named_before_the_flight(
+def test_areas_file_error_is_reported_before_run(
     tmp_path: Path, content: Any, changed: dict[str, Any], said: str
 ) -> None:
     with pytest.raises(ParameterError) as raised:
@@ -227,9 +227,7 @@ def test_each_mistake_in_the_file_is_named_before_the_flight(
     assert f"{problem.key}: {problem.text}".startswith(said)
 
 
-def test_a_corner_that_is_just_as_far_as_may_be_is_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_corner_at_maximum_distance_is_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from pyproj import Geod
 
     inverse = Geod(ellps="WGS84").inv

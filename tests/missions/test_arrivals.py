@@ -1,4 +1,4 @@
-"""A drive that has succeeded is held against the robot's own localisation, whatever leaf has sent its goal."""
+"""Tests of arrival checks: a succeeded drive is compared with the robot's localisation, for every leaf that sends goals."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from search_and_rescue.actions.return_checks import NavigateToCharge
 from search_and_rescue.actions.sweep_leaves import NavigateThroughPieces, NavigateToPiece
 from search_and_rescue.homing_estimates import HomingEstimator
 from tests.missions.test_charging_places import home_of
-from tests.missions.test_charging_places import searching as on_a_line
+from tests.missions.test_charging_places import searching as search_on_line
 from tests.missions.test_sweeping import PIECES, planned, searching
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ pytestmark = pytest.mark.ros
 
 
 @pytest.fixture(autouse=True)
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The localisation follows at once here, and each leaf sends its goal several times."""
+def shorten_confirmation_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shorten the wait for the localisation: each leaf sends its goal several times."""
     monkeypatch.setattr("sar_compiler.ros.leaves.arrivals._FOLLOWS_SEC", 0.2)
 
 
@@ -36,48 +36,48 @@ FAR = (50.0, 50.0)
 TO_POSE = "nav2_msgs/action/NavigateToPose"
 
 
-def to_zone(stage: "Stage") -> Any:
+def zone_drive(stage: "Stage") -> Any:
     return NavigateToZone("Drive", stage.zones, record=stage.record)
 
 
-def to_base(stage: "Stage") -> Any:
+def base_drive(stage: "Stage") -> Any:
     return NavigateToBase("Drive", stage.zones, record=stage.record)
 
 
-def to_charge(_: "Stage") -> Any:
-    search = on_a_line(share=0.5, here=5.0, dock=4.0)
+def charge_drive(_: "Stage") -> Any:
+    search = search_on_line(share=0.5, here=5.0, dock=4.0)
     return NavigateToCharge("Drive", search.zones, record=search.record, homing=home_of(search))
 
 
-def to_piece(stage: "Stage") -> Any:
+def piece_drive(stage: "Stage") -> Any:
     search = planned(searching())
     return NavigateToPiece("Drive", search.zones, record=stage.record, sweeps=search.sweeps)
 
 
-def through_pieces(stage: "Stage") -> Any:
+def pieces_drive(stage: "Stage") -> Any:
     search = planned(searching())
     ports = {"homing": search.context[HomingEstimator], "clock": ManualClock(), "record": stage.record}
     return NavigateThroughPieces("Drive", search.zones, sweeps=search.sweeps, **ports)
 
 
-def by_attributes(_: "Stage") -> Any:
+def ros_action_drive(_: "Stage") -> Any:
     goal = "pose: {header: {frame_id: map}, pose: {position: {x: 2.0, y: 3.0}}}"
     return RosAction("Drive", Input("navigate_to_pose"), TO_POSE, goal=Input(goal))
 
 
-# Each with where it drives to.
+# Each drive with its destination.
 DRIVERS: list[tuple[Callable[["Stage"], Any], tuple[float, float]]] = [
-    (to_zone, (-3.0, 3.0)),
-    (to_base, (0.0, 0.0)),
-    (to_charge, (4.0, 0.0)),
-    (to_piece, PIECES[0]),
-    (through_pieces, PIECES[-1]),
-    (by_attributes, (2.0, 3.0)),
+    (zone_drive, (-3.0, 3.0)),
+    (base_drive, (0.0, 0.0)),
+    (charge_drive, (4.0, 0.0)),
+    (piece_drive, PIECES[0]),
+    (pieces_drive, PIECES[-1]),
+    (ros_action_drive, (2.0, 3.0)),
 ]
 
 
 class Localisation:
-    """A localisation that knows where the robot is."""
+    """A localisation that publishes the position of the robot."""
 
     def __init__(self, stage: "Stage", x: float, y: float) -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -87,9 +87,9 @@ class Localisation:
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._poses = stage.host().node.create_publisher(self._type, "amcl_pose", latched)
         self.estimate = robot_estimate(stage.node)
-        self.tell(x, y)
+        self.publish(x, y)
 
-    def tell(self, x: float, y: float) -> None:
+    def publish(self, x: float, y: float) -> None:
         message = self._type()
         message.header.frame_id = "map"
         message.pose.pose.position.x, message.pose.pose.position.y = x, y
@@ -97,10 +97,10 @@ class Localisation:
         self._stage.until(lambda: self.estimate.pose and self.estimate.pose[:2] == (x, y), "the pose")
 
 
-def driving(stage: "Stage", make: Callable[["Stage"], Any]) -> Any:
-    """Return a leaf whose server reports success at once."""
+def set_up_succeeding_drive(stage: "Stage", make: Callable[["Stage"], Any]) -> Any:
+    """Set up a leaf whose server reports success at once."""
     leaf = make(stage)
-    server = stage.through_server() if make is through_pieces else stage.nav_server()
+    server = stage.through_server() if make is pieces_drive else stage.nav_server()
     server.script = ["succeed"]
     leaf.hold_timeout_sec, leaf.pause_sec = 0.1, 0.01
     stage.take(leaf)
@@ -109,46 +109,46 @@ def driving(stage: "Stage", make: Callable[["Stage"], Any]) -> Any:
 
 
 @pytest.mark.parametrize(("make", "there"), DRIVERS, ids=lambda each: getattr(each, "__name__", ""))
-def test_a_drive_that_has_succeeded_far_from_its_goal_has_not_arrived(
+def test_success_far_from_goal_is_no_arrival(
     stage: "Stage", make: Callable[["Stage"], Any], there: tuple[float, float]
 ) -> None:
-    leaf = driving(stage, make)
+    leaf = set_up_succeeding_drive(stage, make)
     Localisation(stage, *FAR)
     assert stage.run(leaf) is Status.FAILURE
-    told = " ".join(stage.warnings)
-    assert "the localisation places the robot " in told
-    assert "m away from the goal (0.75 m are allowed)" in told
-    if make is not by_attributes:
+    warning_text = " ".join(stage.warnings)
+    assert "the localisation places the robot " in warning_text
+    assert "m away from the goal (0.75 m are allowed)" in warning_text
+    if make is not ros_action_drive:
         record = leaf.record
         assert (leaf.outcome_label, record.home, record.charging_at) == ("unavailable", False, "")
         assert record.navigation_lost.startswith("Nav2 reports success of ")
 
 
 @pytest.mark.parametrize(("make", "there"), DRIVERS, ids=lambda each: getattr(each, "__name__", ""))
-def test_a_drive_has_arrived_within_the_tolerance(
+def test_success_within_tolerance_is_an_arrival(
     stage: "Stage", make: Callable[["Stage"], Any], there: tuple[float, float]
 ) -> None:
-    leaf = driving(stage, make)
+    leaf = set_up_succeeding_drive(stage, make)
     Localisation(stage, there[0] + 0.7, there[1])
     assert stage.run(leaf) is Status.SUCCESS
     assert stage.warnings == []
 
 
-def test_a_goal_that_has_not_arrived_is_sent_again_and_costs_no_attempt(stage: "Stage") -> None:
-    leaf = driving(stage, to_zone)
+def test_unconfirmed_goal_is_resent_without_using_an_attempt(stage: "Stage") -> None:
+    leaf = set_up_succeeding_drive(stage, zone_drive)
     leaf.pause_sec = 0.5
     localisation = Localisation(stage, *FAR)
     stage.tick_until(leaf, lambda: leaf.has_not_arrived, "the end of the first goal")
     assert (leaf.status, leaf.outcome_label) == (Status.RUNNING, "not arrived")
     assert stage.record.navigation_lost
-    localisation.tell(-3.0, 3.0)
+    localisation.publish(-3.0, 3.0)
     assert stage.run(leaf) is Status.SUCCESS
     assert stage.record.navigation_lost == ""
     assert stage.zones.times_postponed() == 0
 
 
-def test_after_the_third_goal_in_a_row_it_holds_and_is_unavailable_in_the_end(stage: "Stage") -> None:
-    leaf = driving(stage, to_zone)
+def test_three_unconfirmed_goals_hold_drive_until_it_is_unavailable(stage: "Stage") -> None:
+    leaf = set_up_succeeding_drive(stage, zone_drive)
     Localisation(stage, *FAR)
     assert stage.run(leaf) is Status.FAILURE
     assert "Nav2 reports success of the goal, but the localisation" in stage.warnings[0]
@@ -158,8 +158,8 @@ def test_after_the_third_goal_in_a_row_it_holds_and_is_unavailable_in_the_end(st
     assert stage.warnings[-1].startswith("Navigation to zone_a is unavailable: Nav2 reports success of ")
 
 
-def test_the_localisation_may_follow_the_robot_a_moment_later(stage: "Stage") -> None:
-    leaf = driving(stage, to_zone)
+def test_late_localisation_can_confirm_arrival(stage: "Stage") -> None:
+    leaf = set_up_succeeding_drive(stage, zone_drive)
     localisation = Localisation(stage, *FAR)
     stage.tick_until(
         leaf,
@@ -167,17 +167,17 @@ def test_the_localisation_may_follow_the_robot_a_moment_later(stage: "Stage") ->
         "the wait",
     )
     assert leaf.status is Status.RUNNING
-    localisation.tell(-3.0, 3.0)
+    localisation.publish(-3.0, 3.0)
     assert stage.run(leaf) is Status.SUCCESS
 
 
-def test_the_mission_says_how_far_from_the_goal_a_robot_has_arrived(stage: "Stage") -> None:
-    leaf = driving(stage, to_zone)
+def test_mission_sets_arrival_tolerance(stage: "Stage") -> None:
+    leaf = set_up_succeeding_drive(stage, zone_drive)
     Localisation(stage, -3.0, 8.0).estimate.arrival_tolerance_m = 5.1
     assert stage.run(leaf) is Status.SUCCESS
 
 
-def test_without_a_tolerance_of_the_mission_that_of_nav2_counts_and_half_a_metre(stage: "Stage") -> None:
+def test_default_tolerance_is_nav2_tolerance_plus_half_a_metre(stage: "Stage") -> None:
     arrival = Arrival(stage.node, (0.0, 0.0))
     assert arrival.tolerance_m == 0.75
     values = {"goal_checker_plugins": ["precise"], "precise.xy_goal_tolerance": 1.0}
@@ -185,18 +185,18 @@ def test_without_a_tolerance_of_the_mission_that_of_nav2_counts_and_half_a_metre
     assert arrival.tolerance_m == 1.5
 
 
-def test_a_localisation_that_has_stopped_says_nothing_of_an_arrival(
+def test_stopped_localisation_does_not_prevent_arrival(
     stage: "Stage", monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    leaf = driving(stage, to_zone)
+    leaf = set_up_succeeding_drive(stage, zone_drive)
     estimate = Localisation(stage, *FAR).estimate
     monkeypatch.setattr(estimate, "lost_transforms", lambda: "No transform from 'map' has arrived")
     assert stage.run(leaf) is Status.SUCCESS
 
 
-def test_pieces_are_passed_where_the_robot_was_by_its_localisation(stage: "Stage") -> None:
+def test_pieces_are_passed_only_if_localisation_agrees(stage: "Stage") -> None:
     server = stage.through_server()
-    leaf = stage.take(through_pieces(stage))
+    leaf = stage.take(pieces_drive(stage))
     localisation = Localisation(stage, -2.1, 1.0)
     stage.until(leaf._port.statuses.servers, "the server")
     stage.tick_until(leaf, lambda: server.goals, "the goal")
@@ -208,13 +208,13 @@ def test_pieces_are_passed_where_the_robot_was_by_its_localisation(stage: "Stage
         "the feedback",
     )
     assert leaf.sweeps.state_of("a").done == 0
-    localisation.tell(1.0, 1.5)
+    localisation.publish(1.0, 1.5)
     server.order("1 left")
     heard(leaf, lambda: leaf.sweeps.state_of("a").done, "the pieces")
     assert leaf.sweeps.state_of("a").done == 3
 
 
-def test_a_goal_ends_at_its_last_pose_and_in_another_frame_nothing_is_known_of_it() -> None:
+def test_goal_destination_is_last_pose_in_map_frame() -> None:
     from geometry_msgs.msg import PoseStamped
     from nav2_msgs.action import ComputePathToPose, NavigateThroughPoses, NavigateToPose
 

@@ -1,4 +1,4 @@
-"""AwaitSurvivor against a detector that publishes: only somebody new is a find, and the search is told where."""
+"""Tests of AwaitSurvivor with a publishing detector: only a new survivor is a detection, and its position is stored."""
 
 import math
 from pathlib import Path
@@ -23,7 +23,7 @@ BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
 
 class Detector:
-    """Publishes on the topic of a stage, which it has found."""
+    """A detector that publishes on the detection topic of a stage."""
 
     def __init__(self, stage: "Stage") -> None:
         from geometry_msgs.msg import PointStamped
@@ -32,36 +32,36 @@ class Detector:
         self._publisher = stage.host().node.create_publisher(PointStamped, "survivor_detections", 10)
         stage.until(self._publisher.get_subscription_count, "the subscription")
 
-    def see(self, x: float, y: float, frame: str = "map") -> None:
+    def publish(self, x: float, y: float, frame: str = "map") -> None:
         message = self._type()
         message.header.frame_id = frame
         message.point.x, message.point.y = x, y
         self._publisher.publish(message)
 
 
-def listening(stage: "Stage", **options: Any) -> tuple[AwaitSurvivor, DetectSurvivor, Detector]:
+def make_listening_leaf(stage: "Stage", **options: Any) -> tuple[AwaitSurvivor, DetectSurvivor, Detector]:
     search = DetectSurvivor("DetectSurvivor", stage.zones, record=stage.record)
     leaf = stage.take(AwaitSurvivor("AwaitSurvivor", search, stage.zones, record=stage.record, **options))
     return leaf, search, Detector(stage)
 
 
-def passed_over(stage: "Stage", leaf: AwaitSurvivor, detector: Detector) -> None:
-    """Check that what was published was no find: what comes behind it is the first one."""
-    detector.see(9.0, 9.0)
+def assert_earlier_messages_skipped(stage: "Stage", leaf: AwaitSurvivor, detector: Detector) -> None:
+    """Check that earlier messages were no detections: a later message is the first one."""
+    detector.publish(9.0, 9.0)
     assert stage.run(leaf) is Status.SUCCESS
     assert leaf.detect_node.survivor_pose() == (9.0, 9.0)
 
 
-def test_it_is_running_while_nobody_was_published(stage: "Stage") -> None:
-    leaf, search, _ = listening(stage)
+def test_leaf_runs_while_no_detection_is_published(stage: "Stage") -> None:
+    leaf, search, _ = make_listening_leaf(stage)
     leaf.tick_once()
     assert (leaf.status, leaf.outcome_label) == (Status.RUNNING, "listening")
     assert search.survivor_pose() is None
 
 
-def test_the_search_is_told_where_somebody_was_seen(stage: "Stage") -> None:
-    leaf, search, detector = listening(stage)
-    detector.see(1.0, 2.0)
+def test_published_detection_is_stored_in_search(stage: "Stage") -> None:
+    leaf, search, detector = make_listening_leaf(stage)
+    detector.publish(1.0, 2.0)
     assert stage.run(leaf) is Status.SUCCESS
     assert (search.survivor_pose(), search.survivor_id()) == ((1.0, 2.0), None)
     assert [str(each) for each in stage.record.survivors] == [
@@ -70,40 +70,40 @@ def test_the_search_is_told_where_somebody_was_seen(stage: "Stage") -> None:
     assert stage.lines[-1] == "Survivor seen on the way, in zone_a!"
 
 
-def test_a_find_that_was_published_while_nobody_listened_is_not_lost(stage: "Stage") -> None:
-    leaf, search, detector = listening(stage)
+def test_detection_published_while_leaf_is_halted_is_kept(stage: "Stage") -> None:
+    leaf, search, detector = make_listening_leaf(stage)
     leaf.tick_once()
     leaf.stop(Status.INVALID)
-    detector.see(1.0, 2.0)
+    detector.publish(1.0, 2.0)
     stage.until(lambda: leaf.message is not None, "the message")
     assert stage.run(leaf) is Status.SUCCESS
     assert search.survivor_pose() == (1.0, 2.0)
 
 
-def test_the_search_forgets_its_last_find_when_it_listens_anew(stage: "Stage") -> None:
-    leaf, search, _ = listening(stage)
+def test_listening_again_clears_previous_detection(stage: "Stage") -> None:
+    leaf, search, _ = make_listening_leaf(stage)
     search.store_detection((1.0, 2.0))
     leaf.tick_once()
     assert search.survivor_pose() is None
 
 
 @pytest.mark.parametrize("standing", [DetectionVerdict.CONFIRMED, DetectionVerdict.REJECTED])
-def test_who_is_near_somebody_with_a_name_is_no_news(standing: DetectionVerdict, stage: "Stage") -> None:
-    leaf, _, detector = listening(stage, same_within=1.0)
+def test_detection_near_named_survivor_is_skipped(standing: DetectionVerdict, stage: "Stage") -> None:
+    leaf, _, detector = make_listening_leaf(stage, same_within=1.0)
     stage.record.survivor_named("survivor_1", 1.0, 2.0)
     stage.record.survivor_judged("survivor_1", standing)
-    detector.see(1.0, 2.9)
-    passed_over(stage, leaf, detector)
+    detector.publish(1.0, 2.9)
+    assert_earlier_messages_skipped(stage, leaf, detector)
 
 
-def test_who_was_named_since_the_message_came_is_no_news(stage: "Stage") -> None:
-    leaf, _, detector = listening(stage)
-    detector.see(1.0, 2.0)
+def test_survivor_named_after_message_arrived_is_skipped(stage: "Stage") -> None:
+    leaf, _, detector = make_listening_leaf(stage)
+    detector.publish(1.0, 2.0)
     stage.until(lambda: leaf.message is not None, "the message")
     stage.record.survivor_named("survivor_1", 1.0, 2.0)
     leaf.tick_once()
     assert leaf.status is Status.RUNNING
-    passed_over(stage, leaf, detector)
+    assert_earlier_messages_skipped(stage, leaf, detector)
 
 
 @pytest.mark.parametrize(
@@ -114,32 +114,34 @@ def test_who_was_named_since_the_message_came_is_no_news(stage: "Stage") -> None
     ],
     ids=["frame", "position"],
 )
-def test_what_cannot_be_is_told_once_and_passed_over(seen: tuple[Any, ...], why: str, stage: "Stage") -> None:
-    leaf, _, detector = listening(stage)
-    detector.see(*seen)
-    detector.see(*seen)
-    passed_over(stage, leaf, detector)
+def test_invalid_detection_is_reported_once_and_skipped(
+    seen: tuple[Any, ...], why: str, stage: "Stage"
+) -> None:
+    leaf, _, detector = make_listening_leaf(stage)
+    detector.publish(*seen)
+    detector.publish(*seen)
+    assert_earlier_messages_skipped(stage, leaf, detector)
     assert stage.warnings == [f"Topic 'survivor_detections': {why}. The value is treated as unknown."]
 
 
-def test_somebody_new_among_others_who_are_seen_at_once_is_not_missed(stage: "Stage") -> None:
-    leaf, search, detector = listening(stage)
+def test_new_detection_among_known_ones_is_kept(stage: "Stage") -> None:
+    leaf, search, detector = make_listening_leaf(stage)
     stage.record.survivor_named("survivor_1", 1.0, 2.0)
     for place in ((1.0, 2.0), (5.0, 5.0), (1.0, 2.0)):
-        detector.see(*place)
+        detector.publish(*place)
     assert stage.run(leaf) is Status.SUCCESS
     assert search.survivor_pose() == (5.0, 5.0)
 
 
-def test_without_a_zone_nobody_is_found(stage: "Stage") -> None:
-    leaf, _, _ = listening(stage)
+def test_leaf_without_zone_fails(stage: "Stage") -> None:
+    leaf, _, _ = make_listening_leaf(stage)
     for _ in range(stage.zones.total_zones()):
         stage.zones.select_next_zone()
     leaf.tick_once()
     assert (leaf.status, leaf.outcome_label) == (Status.FAILURE, "no zone")
 
 
-def test_a_find_that_an_earlier_run_has_not_dealt_with_comes_first(stage: "Stage", tmp_path: Path) -> None:
+def test_unhandled_detection_of_earlier_run_comes_first(stage: "Stage", tmp_path: Path) -> None:
     first, second = (Search(ZoneManager(ZONES, BASE)) for _ in range(2))
     for search, resume in ((first, False), (second, True)):
         kept = open_journal(tmp_path / "m.journal", resume=resume)
@@ -162,8 +164,8 @@ def test_a_find_that_an_earlier_run_has_not_dealt_with_comes_first(stage: "Stage
     assert len(second.record.survivors) == 1
 
 
-def test_an_earlier_search_that_found_nobody_is_left_to_the_search(stage: "Stage") -> None:
-    leaf, _, _ = listening(stage)
+def test_earlier_search_without_detection_is_left_to_detect_survivor(stage: "Stage") -> None:
+    leaf, _, _ = make_listening_leaf(stage)
     stage.record.before._searches.append(("zone_a", None))
     leaf.tick_once()
     assert leaf.status is Status.RUNNING

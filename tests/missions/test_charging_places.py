@@ -1,4 +1,4 @@
-"""Charging places besides the base station: their parameters, which one the robot goes to, and what is shown of that."""
+"""Tests of charging places besides the base station: parameters, choice of the place, and display."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,7 +31,7 @@ def pose(x: float) -> MapPose:
     return MapPose(x=x, y=0.0, yaw=0.0)
 
 
-def begun(**charging: object) -> Search:
+def begin_search(**charging: object) -> Search:
     places = {f"charging.{key.replace('__', '.')}": value for key, value in charging.items()}
     fence = places.pop("charging.geofence", None)
     reader = ParameterReader({**GIVEN, **places, **({"geofence": fence} if fence else {})})
@@ -41,7 +41,7 @@ def begun(**charging: object) -> Search:
 
 
 def searching(share: float, here: float, zone: float = 10.0, **docks: float) -> Search:
-    """Return a search of one zone, where a metre takes 1 %, ways are straight lines times 1.5, and all lies on a line."""
+    """Return a search of one zone: a metre takes 1 %, paths are 1.5 times the straight line, and all positions are on a line."""
     plan = ZoneManager(
         [{"id": "zone_a", **pose(zone)}],
         pose(0.0),
@@ -59,21 +59,21 @@ def home_of(search: Search) -> HomingEstimator:
     return found
 
 
-def stop(*where: Any, **docks: float) -> str:
+def charging_stop(*where: Any, **docks: float) -> str:
     return home_of(searching(*where, **docks)).charging_stop()[0]
 
 
-def test_the_parameters_name_the_places_and_they_are_shown() -> None:
-    search = begun(dock__x=2.0, dock__y=3.0, dock__yaw=1.0)
+def test_charging_places_come_from_parameters_and_are_displayed() -> None:
+    search = begin_search(dock__x=2.0, dock__y=3.0, dock__yaw=1.0)
     assert search.zones.charging == {"dock": {"x": 2.0, "y": 3.0, "yaw": 1.0}}
     [shown] = [each for each in search.display().landmarks if each.kind == "charging place"]
     assert (shown.name, shown.x, shown.y) == ("dock", 2.0, 3.0)
     assert "charging place" in {kind.name for kind in search.kinds}
-    assert search.identity() != begun().identity()
+    assert search.identity() != begin_search().identity()
 
 
-def test_without_such_a_parameter_nothing_is_shown_of_them() -> None:
-    search = begun()
+def test_mission_without_charging_places_displays_none() -> None:
+    search = begin_search()
     assert "charging" not in search.identity()
     assert "charging place" not in {kind.name for kind in search.kinds}
 
@@ -90,56 +90,58 @@ def test_without_such_a_parameter_nothing_is_shown_of_them() -> None:
         ),
     ],
 )
-def test_each_mistake_in_them_is_named_before_the_flight(given: dict[str, Any], said: str) -> None:
+def test_charging_parameter_error_is_reported_before_run(given: dict[str, Any], said: str) -> None:
     with pytest.raises(ParameterError) as refused:
-        begun(**given)
+        begin_search(**given)
     assert said in str(refused.value)
 
 
 @pytest.mark.ros
-def test_a_check_names_a_place_that_cannot_be_reached() -> None:
+def test_route_check_reports_unreachable_charging_place() -> None:
     from sar_compiler.execution.tree_run import RouteReport
 
     occupancy = read_map(Path("maps/disaster_zone.yaml"))
-    good, bad = (RouteReport(begun(dock__x=x, dock__y=3.0), RunParameters(), occupancy) for x in (-3.0, 99.0))
+    good, bad = (
+        RouteReport(begin_search(dock__x=x, dock__y=3.0), RunParameters(), occupancy) for x in (-3.0, 99.0)
+    )
     assert not any("dock" in problem for problem in good.problems)
     assert [line for line in good.lines if line.startswith("  dock, from the start: ")]
     assert "dock (99.00, 3.00): the position is outside the map." in bad.problems
 
 
-def test_the_robot_goes_to_the_nearest_place_that_it_reaches_with_the_reserve() -> None:
+def test_nearest_charging_place_within_reserve_is_chosen() -> None:
     # At 10 m: home takes 15 %, near 3 %, far 6 %.
-    assert stop(0.4, 10.0, near=12.0, far=14.0) == "near"
-    assert stop(0.4, 3.0, near=12.0, far=14.0) == ""
-    # 2 % above the reserve suffice for none, and home is what it was kept for.
-    assert stop(0.17, 10.0, near=12.0) == ""
+    assert charging_stop(0.4, 10.0, near=12.0, far=14.0) == "near"
+    assert charging_stop(0.4, 3.0, near=12.0, far=14.0) == ""
+    # 2 % above the reserve suffice for no charging place, and the reserve is for the way home.
+    assert charging_stop(0.17, 10.0, near=12.0) == ""
 
 
-def test_a_place_from_where_no_battery_suffices_is_passed_by_for_one_from_where_it_does() -> None:
-    # From far, 120 m of way to the zone and home would take more than a battery.
-    assert stop(0.9, -20.0, 10.0, far=-40.0) == ""
+def test_charging_place_too_far_from_zone_is_not_chosen() -> None:
+    # From far, the 120 m of path to the zone and home need more than a full battery.
+    assert charging_stop(0.9, -20.0, 10.0, far=-40.0) == ""
 
 
-def test_a_zone_too_far_from_home_is_not_too_far_from_a_place_in_reach() -> None:
-    # From home and back 87 m take more than 85 %; from half way less.
+def test_charging_place_extends_reach_beyond_home() -> None:
+    # From home and back, 87 m take more than 85 %. From halfway they take less.
     assert home_of(searching(0.9, 0.0, 29.0)).excess()
     assert not home_of(searching(0.9, 0.0, 29.0, dock=15.0)).excess()
     assert home_of(searching(0.2, 0.0, 29.0, dock=15.0)).excess()
 
 
-def test_what_is_asked_of_the_planner_has_the_ways_to_the_places() -> None:
+def test_required_paths_include_charging_places() -> None:
     zones = searching(0.9, 0.0, dock=15.0).zones
     ways = {(start["x"], end["x"]) for start, end in zones.required_paths(zones.remaining_zones())}
     assert ways == {(0.0, 10.0), (15.0, 10.0), (0.0, 15.0)}
 
 
-def test_a_robot_at_a_place_is_known_to_be_there_until_it_goes_on() -> None:
+def test_robot_is_at_charging_place_until_it_leaves() -> None:
     search = searching(0.4, 10.0, dock=12.0)
-    told: list[str] = []
-    search.record.journal.add_listener(lambda fact: told.append(search.sentence(fact)))
+    sentences: list[str] = []
+    search.record.journal.add_listener(lambda fact: sentences.append(search.sentence(fact)))
     search.record.home_first("zone_a", "zone_a is far", "dock")
     search.record.charging_reached("dock")
-    assert told == ["zone_a is far: dock first", "reached charging place dock"]
+    assert sentences == ["zone_a is far: dock first", "reached charging place dock"]
     assert search.zones.last_pose() == pose(12.0)
     assert [each.text for each in search.display().alarms] == ["zone_a is far: dock first"]
     assert search.display().phase == MissionPhase("waiting", "for another battery", "dock")
@@ -151,10 +153,8 @@ def test_a_robot_at_a_place_is_known_to_be_there_until_it_goes_on() -> None:
 
 
 @pytest.mark.ros
-class TestTheLeaves:
-    def test_a_battery_that_does_not_suffice_brings_the_robot_to_the_place_where_it_waits(
-        self, stage: "Stage"
-    ) -> None:
+class TestChargingLeaves:
+    def test_insufficient_battery_sends_robot_to_charging_place(self, stage: "Stage") -> None:
         search = searching(0.4, 10.0, 20.0, dock=12.0)
         homing, clock = home_of(search), ManualClock(100.0)
         shared: Any = {"homing": homing, "clock": clock, "record": search.record}

@@ -1,4 +1,4 @@
-"""Which mission a tree belongs to."""
+"""Tests of the choice of the mission for a tree."""
 
 import re
 
@@ -50,7 +50,7 @@ LOOSE.context_types = Crop
 
 @pytest.fixture
 def install(tmp_path, monkeypatch):
-    """Install a package as pip does, for one test: its module, and its entry points."""
+    """Install a package as pip does, for one test: its module and its entry points."""
 
     def install_package(module, *entries):
         (tmp_path / f"{module}.py").write_text(SOURCE, encoding="utf-8")
@@ -63,35 +63,35 @@ def install(tmp_path, monkeypatch):
     return install_package
 
 
-def named(mission):
+def mission_name(mission):
     assert mission is not None
     return mission.name
 
 
-def bound(body, *modules):
+def bind_tree(body, *modules):
     return bind_main(forest(body), load_registry(modules))
 
 
 @pytest.mark.parametrize(
     "body", ["<NavigateToBase/>", "<DeliverReports/>", "<Sequence><Success/><ZonesRemaining/></Sequence>"]
 )
-def test_a_tree_is_of_the_mission_whose_context_its_leaves_ask_for(body):
-    assert named(choose_mission(bound(body))) == MISSION.name
+def test_mission_is_chosen_by_context_of_leaves(body):
+    assert mission_name(choose_mission(bind_tree(body))) == MISSION.name
 
 
-def test_a_tree_that_asks_for_nothing_of_a_mission_is_a_plain_one():
-    assert choose_mission(bound("<Sequence><Sleep msec='5'/><Success/></Sequence>")) is None
+def test_tree_without_mission_context_has_no_mission():
+    assert choose_mission(bind_tree("<Sequence><Sleep msec='5'/><Success/></Sequence>")) is None
 
 
-def test_a_mission_of_another_package_counts_as_much(install):
+def test_mission_of_another_package_is_found(install):
     install("farm_a", "farm_a:FARM")
     assert sorted(load_missions()) == ["farming", "search_and_rescue"]
-    assert named(choose_mission(bound("<Water/>", "farm_a"))) == "farming"
+    assert mission_name(choose_mission(bind_tree("<Water/>", "farm_a"))) == "farming"
 
 
-def test_leaves_of_two_missions_are_a_finding_that_names_them_with_its_place(install):
+def test_leaves_of_two_missions_are_an_error_with_location(install):
     install("farm_b", "farm_b:FARM")
-    tree = bound("<Sequence><AdvanceZone/><Water/><ZonesRemaining/></Sequence>", "farm_b")
+    tree = bind_tree("<Sequence><AdvanceZone/><Water/><ZonesRemaining/></Sequence>", "farm_b")
     with pytest.raises(TreeError) as caught:
         choose_mission(tree)
     [finding] = caught.value.findings
@@ -104,20 +104,20 @@ def test_leaves_of_two_missions_are_a_finding_that_names_them_with_its_place(ins
     assert (finding.span.line, finding.span.column) == (3, 25)
 
 
-def test_a_name_decides_whatever_the_leaves_ask_for(install):
+def test_mission_name_overrides_context_of_leaves(install):
     install("farm_c", "farm_c:FARM")
-    tree = bound("<Sequence><AdvanceZone/><Water/></Sequence>", "farm_c")
-    assert named(choose_mission(tree, "search_and_rescue")) == MISSION.name
-    assert named(choose_mission(bound("<Success/>"), "search_and_rescue")) == MISSION.name
+    tree = bind_tree("<Sequence><AdvanceZone/><Water/></Sequence>", "farm_c")
+    assert mission_name(choose_mission(tree, "search_and_rescue")) == MISSION.name
+    assert mission_name(choose_mission(bind_tree("<Success/>"), "search_and_rescue")) == MISSION.name
 
 
-def test_a_name_that_there_is_not_is_answered_with_the_one_that_was_meant():
+def test_unknown_mission_name_suggests_similar_one():
     said = "there is no mission 'search_and_rescu' (installed: search_and_rescue); did you mean 'search_and_rescue'?"
     with pytest.raises(MissionError, match=f"^{re.escape(said)}$"):
         find_mission("search_and_rescu")
 
 
-def test_a_mission_that_only_looks_installed_in_the_checkout_is_said_to_be_passed_over(install, tmp_path):
+def test_uninstalled_mission_in_checkout_is_reported_as_ignored(install, tmp_path):
     install("farm_f", "farm_f:FARM")
     with pytest.raises(MissionError, match=f"The missions in {re.escape(str(tmp_path))} are ignored"):
         find_mission("farming", tmp_path)
@@ -149,15 +149,15 @@ def test_a_mission_that_only_looks_installed_in_the_checkout_is_said_to_be_passe
         ),
     ],
 )
-def test_what_is_installed_as_a_mission_and_is_none_is_named(install, entries, problem):
+def test_invalid_mission_entry_point_is_reported(install, entries, problem):
     install("farm_d", *entries)
     with pytest.raises(MissionError, match=re.escape(problem)):
         load_missions()
 
 
-def test_what_a_mission_raises_is_an_error_that_names_it_and_the_place(install):
+def test_exception_in_mission_names_mission_and_location(install):
     install("farm_e", "farm_e:DRY")
-    mission = choose_mission(bound("<Success/>"), "farming")
+    mission = choose_mission(bind_tree("<Success/>"), "farming")
     assert mission is not None
     said = (
         r"^the mission 'farming' failed in summary: ZeroDivisionError: division by zero \(.*farm_e\.py:\d+\)$"

@@ -1,4 +1,4 @@
-"""Every command, in every situation, with every leaf that heeds commands: what it answers is declared, and everything said of it has its author."""
+"""Tests of every command in every situation with all leaves that serve commands: outcomes are declared, and messages name the author."""
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -48,18 +48,18 @@ VALUES: dict[str, dict[str, Any]] = {
 }
 
 
-NAMED: dict[str, dict[str, str]] = {
+LANDMARK_FIELDS: dict[str, dict[str, str]] = {
     "add_zone": {"zone": "zone"},
     "add_area": {"zone": "zone"},
     "add_hint": {"zone": "zone"},
     "judge_survivor": {"survivor": "survivor"},
 }
-"""The landmarks that the values of commands name: field by kind."""
+"""For each command, the field with the name of a landmark, by kind of the landmark."""
 NOTHING_SEEN: Mapping[str, str] = {}
 
 
 class CommandedMission:
-    """A mission whose node serves every command, beside the model that a watched run is held against."""
+    """A mission whose node serves every command, with the runtime monitor that compares it with the model."""
 
     def __init__(self, ros: Any) -> None:
         zones = [Zone(id=name, x=1.0, y=1.0, yaw=0.0) for name in ("zone_a", "zone_b")]
@@ -108,23 +108,23 @@ class CommandedMission:
         for leaf in self.leaves.values():
             leaf.shutdown()
 
-    def see(self, command: CommandSpec) -> dict[str, str]:
-        """Return what a page would show of a command's objects."""
+    def displayed_identities(self, command: CommandSpec) -> dict[str, str]:
+        """Return the identities of a command's objects as the page would display them."""
         run, situation = self.state.runs[-1], self.state.situation
         seen = {
             RUN: run_identity(run.number, run.about),
             OBJECT: situation.objects.get(command.verb.name, ""),
         }
-        for kind, field in NAMED.get(command.verb.name, {}).items():
+        for kind, field in LANDMARK_FIELDS.get(command.verb.name, {}).items():
             name = VALUES[command.verb.name][field]
             landmark = situation.landmarks.get((kind, name))
             seen[f"{kind}/{name}"] = landmark.identity if landmark else ""
         return seen
 
-    def give(
+    def send(
         self, command: CommandSpec, by: CommandAuthor = ANN, seen: Mapping[str, str] = NOTHING_SEEN
     ) -> tuple[bool, str]:
-        """Give a command as its service would take it, signed; return whether it was accepted, and what was said."""
+        """Send a command with its author to its service; return whether it was accepted, and the message."""
         verb = command.verb
         name = self.node.resolve_service_name(f"~/{verb.name}")
         (service,) = (each for each in self.node.services if each.service_name == name)
@@ -141,7 +141,7 @@ class CommandedMission:
         return response.success, response.message
 
     def tick(self) -> list[tuple[str, str, str]]:
-        """Tick the conditions as a tree does; return the status, the label and the message of each, which the model is told of."""
+        """Tick the conditions as a tree does, and report them to the monitor; return status, label and message of each."""
         answers = []
         for tag in CONDITIONS:
             leaf, number = self.leaves[tag], self.numbers[tag]
@@ -167,39 +167,39 @@ def mission(ros: Any) -> Iterator[CommandedMission]:
     made.close()
 
 
-def finish(mission: CommandedMission) -> None:
+def visit_all_zones(mission: CommandedMission) -> None:
     while mission.search.zones.has_remaining():
         mission.search.zones.select_next_zone()
         mission.watch.raise_fact("zones_left", -1)
 
 
-def find(mission: CommandedMission) -> None:
+def detect_survivor(mission: CommandedMission) -> None:
     mission.search.record.zone_started("zone_a")
     mission.search.record.zone_searched("zone_a", (1.0, 1.0))
     mission.search.record.survivor_named("survivor_1", 1.0, 1.0)
 
 
-def pause(mission: CommandedMission) -> None:
-    mission.give(COMMANDS[0], BOB)
+def pause_mission(mission: CommandedMission) -> None:
+    mission.send(COMMANDS[0], BOB)
     mission.tick()
 
 
 SITUATIONS: dict[str, Callable[[CommandedMission], object]] = {
-    "zones are left": lambda _: None,
-    "on the way home": finish,
-    "somebody was found": find,
-    "paused": pause,
+    "zones remain": lambda _: None,
+    "on the way home": visit_all_zones,
+    "survivor found": detect_survivor,
+    "paused": pause_mission,
 }
 
 
 @pytest.mark.parametrize("situation", SITUATIONS)
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda each: each.verb.name)
-def test_what_leaves_answer_to_a_command_is_what_proofs_assume_and_has_its_author(
+def test_command_outcome_is_declared_and_names_author(
     mission: CommandedMission, command: CommandSpec, situation: str
 ) -> None:
     SITUATIONS[situation](mission)
     count = len(mission.state.facts)
-    accepted, _ = mission.give(command)
+    accepted, _ = mission.send(command)
     (said, *_) = mission.state.facts[count:]
     assert ANN.name in said.text
     assert ANN.reason in said.text
@@ -217,11 +217,11 @@ def test_what_leaves_answer_to_a_command_is_what_proofs_assume_and_has_its_autho
         assert all(str(ANN) in message for _, _, message in failures)
 
 
-def test_a_zone_that_is_added_on_the_way_home_is_searched_and_nothing_is_alarmed(
+def test_zone_added_on_way_home_changes_plan_without_alarm(
     mission: CommandedMission,
 ) -> None:
-    finish(mission)
-    assert mission.give(next(each for each in COMMANDS if each.verb.name == "add_zone"))[0]
+    visit_all_zones(mission)
+    assert mission.send(next(each for each in COMMANDS if each.verb.name == "add_zone"))[0]
     ((status, label, message),) = mission.tick()
     assert (status, label, message) == (
         "FAILURE", "plan changed", f"the plan has changed: zone_e was added by {ANN}"
@@ -231,9 +231,7 @@ def test_a_zone_that_is_added_on_the_way_home_is_searched_and_nothing_is_alarmed
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda each: each.verb.name)
-def test_a_command_is_served_by_the_leaves_that_its_declaration_names_and_by_no_other(
-    ros: Any, command: CommandSpec
-) -> None:
+def test_command_is_served_only_by_declared_leaves(ros: Any, command: CommandSpec) -> None:
     mission = CommandedMission(ros)
     mission.set_up(*mission.leaves.keys() - set(command.served_by))
     name = mission.node.resolve_service_name(f"~/{command.verb.name}")
@@ -243,7 +241,7 @@ def test_a_command_is_served_by_the_leaves_that_its_declaration_names_and_by_no_
     mission.close()
 
 
-def test_every_command_has_a_sentence_and_stands_in_the_documentation() -> None:
+def test_every_command_has_sentence_and_documentation() -> None:
     services = Path("docs/missions/search-and-rescue.md").read_text(encoding="utf-8")
     facts = Path("docs/reference/journal.md").read_text(encoding="utf-8")
     manual = " ".join(
@@ -259,27 +257,27 @@ def test_every_command_has_a_sentence_and_stands_in_the_documentation() -> None:
     assert all(f"`{name}`" in facts for name in lasting)
 
 
-def named(name: str) -> CommandSpec:
+def command_named(name: str) -> CommandSpec:
     return next(each for each in COMMANDS if each.verb.name == name)
 
 
-def find_again(mission: CommandedMission) -> None:
+def detect_survivor_once(mission: CommandedMission) -> None:
     if mission.search.record.survivor("survivor_1") is None:
-        find(mission)
+        detect_survivor(mission)
 
 
 CHANGES: tuple[Callable[[CommandedMission], object], ...] = (
     lambda mission: mission.search.zones.select_next_zone(),
     lambda mission: mission.search.zones.postpone(),
     lambda mission: mission.search.zones.abandon(),
-    find_again,
-    *(lambda mission, command=command: mission.give(command, BOB) for command in COMMANDS),
+    detect_survivor_once,
+    *(lambda mission, command=command: mission.send(command, BOB) for command in COMMANDS),
 )
-"""What may happen while a command waits for its confirmation."""
+"""Changes that may happen while a command waits for its confirmation."""
 
 
-class Shown(NamedTuple):
-    """The state that commands change."""
+class CommandedState(NamedTuple):
+    """The state of the mission that commands can change."""
 
     left: list[str]
     abandoned: list[Zone]
@@ -289,30 +287,30 @@ class Shown(NamedTuple):
     hints: dict[str, float]
 
 
-def shown(mission: CommandedMission) -> Shown:
+def state_of(mission: CommandedMission) -> CommandedState:
     orders, zones = mission.search.orders, mission.search.zones
     survivors = [(each.survivor_id, each.standing) for each in mission.search.record.survivors]
     left = [zone["id"] for zone in zones.remaining_zones()]
     given = dict(orders.given)
-    return Shown(left, zones.abandoned_zones(), survivors, given, orders.held, dict(zones.hints))
+    return CommandedState(left, zones.abandoned_zones(), survivors, given, orders.held, dict(zones.hints))
 
 
 @pytest.mark.parametrize("seed", range(rounds(12)))
-def test_nothing_is_done_that_a_command_did_not_name_whatever_changes_before_it_is_confirmed(
+def test_confirmed_command_affects_only_objects_that_operator_saw(
     mission: CommandedMission, seed: int
 ) -> None:
     chance = Random(seed)  # noqa: S311 - repeatable
     for _ in range(chance.randrange(4)):
         chance.choice(CHANGES)(mission)
     command = chance.choice(COMMANDS)
-    seen, before = mission.see(command), shown(mission)
+    seen, before = mission.displayed_identities(command), state_of(mission)
     for _ in range(chance.randrange(3)):
         chance.choice(CHANGES)(mission)
-    confirmed = shown(mission)
-    accepted, answer = mission.give(command, seen=seen)
+    confirmed = state_of(mission)
+    accepted, answer = mission.send(command, seen=seen)
     if not accepted:
         assert answer
-        assert shown(mission) == confirmed
+        assert state_of(mission) == confirmed
     elif command.verb.name == "skip_zone":
         assert mission.search.zones.abandoned_zones()[-1]["id"] == seen[OBJECT]
     elif command.verb.name == "judge_survivor":
@@ -321,49 +319,49 @@ def test_nothing_is_done_that_a_command_did_not_name_whatever_changes_before_it_
         assert before.is_held == confirmed.is_held
 
 
-def test_a_zone_that_is_no_longer_the_next_one_is_not_skipped_and_it_is_said_which_one_is(
+def test_skip_is_rejected_if_next_zone_has_changed(
     mission: CommandedMission,
 ) -> None:
-    seen = mission.see(named("skip_zone"))
+    seen = mission.displayed_identities(command_named("skip_zone"))
     mission.search.zones.select_next_zone()
-    assert mission.give(named("skip_zone"), seen=seen) == (
+    assert mission.send(command_named("skip_zone"), seen=seen) == (
         False,
         "the object of the command has changed. You saw 'zone_a', and now it is 'zone_b'. Check the change, and repeat the command",
     )
     assert mission.search.zones.abandoned_zones() == []
 
 
-def test_a_review_is_refused_if_somebody_else_has_reviewed_the_detection_meanwhile(
+def test_review_is_rejected_if_detection_was_reviewed_meanwhile(
     mission: CommandedMission,
 ) -> None:
-    find(mission)
-    seen = mission.see(named("judge_survivor"))
+    detect_survivor(mission)
+    seen = mission.displayed_identities(command_named("judge_survivor"))
     mission.search.record.survivor_judged("survivor_1", DetectionVerdict.CONFIRMED, None)
-    accepted, answer = mission.give(named("judge_survivor"), seen=seen)
+    accepted, answer = mission.send(command_named("judge_survivor"), seen=seen)
     assert not accepted
     assert answer.startswith(
         "survivor_1 has changed. You saw 'candidate at (1.00, 1.00)', and now it is 'confirmed"
     )
 
 
-def test_a_command_to_another_run_is_refused(mission: CommandedMission) -> None:
-    seen = {**mission.see(named("abort")), RUN: "run 1 (process 1)"}
-    accepted, answer = mission.give(named("abort"), seen=seen)
+def test_command_for_another_run_is_rejected(mission: CommandedMission) -> None:
+    seen = {**mission.displayed_identities(command_named("abort")), RUN: "run 1 (process 1)"}
+    accepted, answer = mission.send(command_named("abort"), seen=seen)
     assert not accepted
     assert answer.startswith("you saw run 1 (process 1), but the mission is now in run 1 (process ")
 
 
-def test_a_call_without_an_announcement_is_held_to_what_was_announced_last(mission: CommandedMission) -> None:
-    """It may have consumed the announcement of a call that comes after it."""
-    seen = mission.see(named("skip_zone"))
-    assert mission.give(named("skip_zone"), seen=seen)[0]
-    assert not mission.give(named("skip_zone"), CommandAuthor())[0]
+def test_call_without_announcement_is_checked_against_last_one(mission: CommandedMission) -> None:
+    """The call may have consumed the announcement of a later call."""
+    seen = mission.displayed_identities(command_named("skip_zone"))
+    assert mission.send(command_named("skip_zone"), seen=seen)[0]
+    assert not mission.send(command_named("skip_zone"), CommandAuthor())[0]
 
 
 @pytest.mark.parametrize(
     ("x", "y", "said"), [(30.0, 1.0, "is not on the map"), (1.0, 1.0, "zone_a is already at (1.00, 1.00)")]
 )
-def test_a_zone_off_the_map_or_on_another_one_is_refused(
+def test_zone_off_map_or_on_another_zone_is_rejected(
     mission: CommandedMission, monkeypatch: pytest.MonkeyPatch, x: float, y: float, said: str
 ) -> None:
     from nav_msgs.msg import OccupancyGrid
@@ -374,6 +372,6 @@ def test_a_zone_off_the_map_or_on_another_one_is_refused(
     grid.info.origin.orientation.w = 1.0
     map_extent_of(mission.node)._on_map(grid)
     monkeypatch.setitem(VALUES, "add_zone", {"zone": "zone_e", "x": x, "y": y, "heading": 0.0})
-    accepted, answer = mission.give(named("add_zone"))
+    accepted, answer = mission.send(command_named("add_zone"))
     assert not accepted
     assert said in answer

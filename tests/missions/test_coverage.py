@@ -1,4 +1,4 @@
-"""What was seen of ground: by the law of random search, through no wall, and the same as other code says."""
+"""Tests of coverage: random search formula, obstacles, and comparison with shapely."""
 
 import math
 
@@ -22,14 +22,14 @@ def field(reach: float = 2.0, width: float = 3.2) -> Ground:
 
 
 def room(*walls: tuple[float, float, float, float]) -> ObstacleMap:
-    """Return a map of 10 x 10 m in cells of 0.05 m, with walls from (x, y) to (x, y)."""
+    """Return a map of 10 x 10 m in cells of 0.05 m, with walls given by two corners."""
     blocked = np.zeros((200, 200), bool)
     for left, low, right, high in walls:
         blocked[round(low * 20) : round(high * 20), round(left * 20) : round(right * 20)] = True
     return ObstacleMap(blocked, 0.05)
 
 
-def test_the_effort_of_a_drive_is_sweep_width_times_its_length() -> None:
+def test_effort_of_drive_is_sweep_width_times_length() -> None:
     raster = CoverageRaster(field())
     inside = raster.drive([(10.0, 15.0), (30.0, 15.0), (30.0, 10.0)])
     assert inside == pytest.approx(25.0)
@@ -37,7 +37,7 @@ def test_the_effort_of_a_drive_is_sweep_width_times_its_length() -> None:
     assert raster.mean_coverage() == pytest.approx(3.2 * 25.0 / 1200.0, rel=0.005)
 
 
-def test_ground_that_is_covered_evenly_has_the_pod_of_a_random_search() -> None:
+def test_even_coverage_has_pod_of_random_search() -> None:
     raster = CoverageRaster(Ground(((10.0, 10.0), (30.0, 10.0), (30.0, 20.0), (10.0, 20.0)), 3.2, 2.0))
     for y in np.arange(6.0, 24.0, 0.5):
         raster.drive([(5.0, y), (35.0, y)])
@@ -57,13 +57,13 @@ def test_repeated_passes_add_up() -> None:
     assert twice.seen_share() == once.seen_share()
 
 
-def test_outside_of_the_ground_it_is_seen_and_no_length_is_counted() -> None:
+def test_drive_outside_ground_sees_cells_but_adds_no_length() -> None:
     raster = CoverageRaster(field())
     assert raster.drive([(-1.0, 10.0), (-1.0, 20.0)]) == 0.0
     assert 0.0 < raster.seen_share() < 0.05
 
 
-def test_nothing_is_seen_through_a_wall_and_a_wall_is_nothing_to_search() -> None:
+def test_walls_block_sight_and_are_not_searchable() -> None:
     wall = room((4.9, 0.0, 5.1, 10.0))
     raster = CoverageRaster(Ground(((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)), 4.0, 20.0), wall)
     raster.drive([(2.0, 2.0), (2.0, 8.0)])
@@ -74,12 +74,12 @@ def test_nothing_is_seen_through_a_wall_and_a_wall_is_nothing_to_search() -> Non
     assert raster.area_m2() == pytest.approx(98.0, abs=2.5)
 
 
-def test_what_is_beyond_the_map_can_be_searched_by_nobody() -> None:
+def test_ground_beyond_map_is_not_searchable() -> None:
     raster = CoverageRaster(Ground(((5.0, 0.0), (15.0, 0.0), (15.0, 10.0), (5.0, 10.0)), 4.0, 3.0), room())
     assert raster.area_m2() == pytest.approx(50.0, rel=0.03)
 
 
-def test_a_map_that_is_turned_is_read_as_it_lies() -> None:
+def test_rotated_map_is_read_with_its_rotation() -> None:
     turned = ObstacleMap(room((0.0, 0.0, 1.0, 2.0)).blocked, 0.05, (3.0, 1.0, math.pi / 2))
     points = np.array([[2.0, 1.5], [2.9, 1.1], [1.1, 1.9], [0.9, 1.5], [2.0, 2.1], [3.1, 1.5]])
     assert turned.are_blocked(points).tolist() == [True, True, True, False, False, True]
@@ -90,10 +90,10 @@ def test_a_map_that_is_turned_is_read_as_it_lies() -> None:
     y=st.floats(0.5, 9.5),
     walls=st.lists(st.tuples(st.integers(1, 8), st.integers(1, 8), st.booleans()), max_size=4),
 )
-def test_as_much_is_seen_as_sight_lines_between_the_walls_allow(
+def test_visible_cells_match_sight_lines_of_shapely(
     x: float, y: float, walls: list[tuple[int, int, bool]]
 ) -> None:
-    """Other code: shapely's lines from the eye to each cell, against the walls as boxes."""
+    """Reference: shapely's lines from the robot to each cell, intersected with the walls as boxes."""
     boxes = [(a, b, a + (2.0 if lies else 0.2), b + (0.2 if lies else 2.0)) for a, b, lies in walls]
     obstacles = room(*boxes)
     if obstacles.are_blocked(np.array([[x, y]])).any():
@@ -108,8 +108,8 @@ def test_as_much_is_seen_as_sight_lines_between_the_walls_allow(
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.5])
-def test_far_sight_past_a_pillar_leaves_its_shadow_and_nothing_else(yaw: float) -> None:
-    """By hand: the shadow of a pillar of 1 m at 5 m is a wedge, also where the map is turned."""
+def test_pillar_hides_exactly_its_shadow(yaw: float) -> None:
+    """The shadow of a pillar of 1 m at a distance of 5 m is a wedge, also on a rotated map."""
     turned = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
     corners = np.array([[0.0, 0.0], [25.0, 0.0], [25.0, 25.0], [0.0, 25.0]]) @ turned
     blocked = np.zeros((500, 500), bool)
@@ -126,8 +126,8 @@ def test_far_sight_past_a_pillar_leaves_its_shadow_and_nothing_else(yaw: float) 
     assert np.mean((seen != ~hidden)[apart < 24.9]) < 0.003
 
 
-def test_however_far_one_sees_each_cell_is_looked_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A drive is computed in the ticks: rays of samples took seconds a metre at twenty metres."""
+def test_each_cell_is_looked_up_once_at_any_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drives are computed during ticks: sampling rays took seconds per metre at a range of 20 m."""
     looked_up, at = list[int](), ObstacleMap.are_blocked
 
     def counted(self: ObstacleMap, points: Points) -> npt.NDArray[np.bool_]:
@@ -140,8 +140,8 @@ def test_however_far_one_sees_each_cell_is_looked_up_once(monkeypatch: pytest.Mo
     assert sum(looked_up) <= len(raster.centres) + 1
 
 
-def test_the_coverage_of_a_drive_among_walls_is_within_two_percent_of_that_by_other_code() -> None:
-    """Other code: places in a finer grid, and shapely's sight lines to them from each decimetre of the drive."""
+def test_coverage_among_walls_matches_shapely_within_two_percent() -> None:
+    """Reference: points of a finer grid, and shapely's sight lines to them from every 0.1 m of the drive."""
     boxes = [(4.0, 0.0, 4.2, 3.0), (4.0, 5.0, 4.2, 8.0), (7.0, 2.0, 10.0, 2.2)]
     ground = Ground(((0.5, 0.5), (9.5, 0.5), (9.5, 8.5), (6.0, 9.5), (0.5, 8.5)), 4.0, 2.5)
     drive = [(1.0, 1.0), (3.0, 4.0), (6.0, 4.0), (6.0, 7.0), (9.0, 7.0), (9.0, 4.0)]
@@ -163,7 +163,7 @@ def test_the_coverage_of_a_drive_among_walls_is_within_two_percent_of_that_by_ot
     assert raster.pod() == pytest.approx((1.0 - np.exp(-covered)).mean(), rel=0.02)
 
 
-def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:
+def test_raster_text_restores_coverage_to_a_thousandth() -> None:
     raster = CoverageRaster(field())
     raster.drive([(10.0, 15.0), (30.0, 12.0)])
     again = CoverageRaster(field(), cells=raster.share_text())
@@ -172,18 +172,18 @@ def test_the_text_of_a_raster_brings_it_back_to_a_thousandth() -> None:
 
 
 @pytest.mark.parametrize("cells", ["no base64!", "AAAA"])
-def test_a_text_that_is_no_raster_is_refused(cells: str) -> None:
+def test_invalid_raster_text_is_rejected(cells: str) -> None:
     with pytest.raises(ValueError, match="the text of the raster is invalid"):
         CoverageRaster(field(), cells=cells)
 
 
-def test_the_raster_of_other_ground_is_refused() -> None:
+def test_raster_of_another_area_is_rejected() -> None:
     cells = CoverageRaster(Ground(((0.0, 0.0), (9.0, 0.0), (0.0, 9.0)), 3.2, 2.0)).share_text()
     with pytest.raises(ValueError, match="the raster belongs to another area"):
         CoverageRaster(field(), cells=cells)
 
 
-def test_the_gaps_are_what_was_looked_at_too_little_in_polygons_without_holes() -> None:
+def test_gaps_cover_cells_below_required_pod() -> None:
     raster = CoverageRaster(field(reach=3.0, width=6.0))
     for y in np.arange(8.0, 23.0, 2.0):
         raster.drive([(8.0, y), (32.0, y)])
@@ -197,7 +197,7 @@ def test_the_gaps_are_what_was_looked_at_too_little_in_polygons_without_holes() 
 
 
 @given(seen=st.lists(st.booleans(), min_size=64, max_size=64))
-def test_gaps_of_any_shape_are_sound_and_can_be_swept(seen: list[bool]) -> None:
+def test_gaps_of_any_shape_are_valid_and_can_be_swept(seen: list[bool]) -> None:
     raster = CoverageRaster(Ground(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), 4.0, 3.0))
     raster.coverage = np.where(seen, 9.0, 0.0)
     gaps = raster.gaps(0.8)
@@ -207,13 +207,13 @@ def test_gaps_of_any_shape_are_sound_and_can_be_swept(seen: list[bool]) -> None:
 
 
 @given(x=st.floats(-50.0, 50.0), y=st.floats(-50.0, 50.0))
-def test_ground_that_nobody_looked_at_is_one_gap_wherever_it_lies(x: float, y: float) -> None:
+def test_unsearched_ground_is_one_gap(x: float, y: float) -> None:
     corners = ((x, y), (x + 4.0, y), (x + 4.0, y + 3.0), (x, y + 3.0))
     [gap] = CoverageRaster(Ground(corners, 4.0, 3.0)).gaps(0.5)
     assert len(gap) == 4
 
 
-def test_ground_that_was_looked_at_well_has_no_gaps() -> None:
+def test_well_searched_ground_has_no_gaps() -> None:
     raster = CoverageRaster(Ground(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)), 4.0, 3.0))
     for _ in range(20):
         raster.drive([(0.0, 1.0), (2.0, 1.0)])

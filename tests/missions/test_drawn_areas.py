@@ -1,4 +1,4 @@
-"""Areas that the operator draws while the mission is under way."""
+"""Tests of areas that the operator draws during a mission."""
 
 import math
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ PARAMETERS: dict[str, object] = {
 LIKELY: dict[str, object] = {"zones.a.poa": 0.6, "zones.a.pod": 0.8, "zones.b.poa": 0.4, "zones.b.pod": 0.5}
 
 
-def begun(**more: object) -> Search:
+def begin_search(**more: object) -> Search:
     reader = ParameterReader(PARAMETERS | more)
     run = MISSION.begin(reader)
     reader.complain()
@@ -40,7 +40,7 @@ def begun(**more: object) -> Search:
     return run
 
 
-def asked(zone: str = "c", corners: Sequence[tuple[float, float]] = SQUARE, **values: Any) -> Any:
+def area_request(zone: str = "c", corners: Sequence[tuple[float, float]] = SQUARE, **values: Any) -> Any:
     points = [SimpleNamespace(x=x, y=y) for x, y in corners]
     header = SimpleNamespace(frame_id=values.get("frame", "map"))
     return SimpleNamespace(
@@ -55,11 +55,13 @@ def draw(search: Search, *what: Any, **values: Any) -> str:
     def off_map(x: float, y: float) -> str:
         return f"({x:g}, {y:g}) is not on the map" if x > 9.0 else ""
 
-    return DrawnAreas(search.zones, search.sweeps, search.fence, off_map).add_area(asked(*what, **values))
+    return DrawnAreas(search.zones, search.sweeps, search.fence, off_map).add_area(
+        area_request(*what, **values)
+    )
 
 
-def test_an_area_is_searched_after_all_others_from_a_place_inside() -> None:
-    search = begun()
+def test_drawn_area_is_searched_last_from_inside() -> None:
+    search = begin_search()
     assert draw(search) == "'c' was added"
     *_, last = search.zones.remaining_zones()
     assert (last["id"], last["x"], last["y"]) == ("c", 6.0, 2.0)
@@ -67,16 +69,16 @@ def test_an_area_is_searched_after_all_others_from_a_place_inside() -> None:
     assert [each.name for each in search.display().landmarks if each.kind == "area"] == ["b", "c"]
 
 
-def test_a_survivor_is_seen_as_far_as_in_the_other_areas_unless_it_is_said() -> None:
-    search = begun()
+def test_detection_range_defaults_to_that_of_other_areas() -> None:
+    search = begin_search()
     draw(search)
     draw(search, "d", detection_range=3.0)
     assert search.sweeps.grounds["c"][1:] == pytest.approx((1.1, 1.0))
     assert search.sweeps.grounds["d"][1:] == pytest.approx((3.3, 3.0))
 
 
-def test_its_probability_takes_room_from_the_others_where_there_is_none_left() -> None:
-    search = begun(**LIKELY)
+def test_new_probability_scales_down_others_if_sum_exceeds_one() -> None:
+    search = begin_search(**LIKELY)
     assert draw(search, poa=0.5) == "'c' was added, and the POA of every other zone was multiplied by 0.50"
     assert {name: area.poa for name, area in search.zones.areas.items()} == pytest.approx(
         {"a": 0.3, "b": 0.2, "c": 0.5}
@@ -85,14 +87,14 @@ def test_its_probability_takes_room_from_the_others_where_there_is_none_left() -
     assert (look.pod, look.look_sec) == pytest.approx((0.593, 16.0 * 0.9 / 1.1 / 0.5), rel=0.01)
 
 
-def test_where_there_is_room_the_others_stay_as_likely_as_they_are() -> None:
-    search = begun(**LIKELY | {"zones.a.poa": 0.3})
+def test_other_probabilities_stay_if_sum_allows() -> None:
+    search = begin_search(**LIKELY | {"zones.a.poa": 0.3})
     assert draw(search, poa=0.3) == "'c' was added"
     assert [area.poa for area in search.zones.areas.values()] == pytest.approx([0.3, 0.4, 0.3])
 
 
-def test_an_area_that_nobody_has_begun_to_search_is_changed() -> None:
-    search = begun(**LIKELY)
+def test_area_can_be_changed_before_its_search() -> None:
+    search = begin_search(**LIKELY)
     assert draw(search, "b", (), poa=0.2) == "'b' was changed"
     assert search.zones.areas["b"].poa == 0.2
     assert search.zones.areas["b"].pod == 0.5
@@ -104,8 +106,8 @@ def test_an_area_that_nobody_has_begun_to_search_is_changed() -> None:
 
 
 @pytest.mark.parametrize("zone", ["a", "b"])
-def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None:
-    search = begun()
+def test_area_cannot_be_changed_after_start_of_its_search(zone: str) -> None:
+    search = begin_search()
     search.zones.select_next_zone()
     with pytest.raises(
         DrawingError, match=f"the search of '{zone}' has already started: draw an area with another name"
@@ -136,30 +138,28 @@ def test_an_area_that_is_being_searched_or_was_is_not_changed(zone: str) -> None
         (("c",), {}, r"the probability \(poa\) is missing"),
     ],
 )
-def test_what_cannot_be_searched_is_refused_with_the_reason(
-    what: Any, values: dict[str, Any], said: str
-) -> None:
-    search = begun(**LIKELY)
+def test_invalid_area_is_rejected_with_reason(what: Any, values: dict[str, Any], said: str) -> None:
+    search = begin_search(**LIKELY)
     with pytest.raises(DrawingError, match=said):
         draw(search, *(what or ("",)), **values)
     assert [zone["id"] for zone in search.zones.remaining_zones()] == ["a", "b"]
     assert set(search.sweeps.grounds) == {"b"}
 
 
-def test_where_no_zone_has_a_probability_none_is_taken() -> None:
+def test_probability_is_rejected_if_no_zone_has_one() -> None:
     with pytest.raises(DrawingError, match="no zone of this mission has a probability"):
-        draw(begun(), poa=0.2)
+        draw(begin_search(), poa=0.2)
 
 
-def test_on_the_way_home_no_area_is_taken() -> None:
-    search = begun()
+def test_area_is_rejected_on_way_home() -> None:
+    search = begin_search()
     search.zones.select_next_zone()
     search.zones.select_next_zone()
     with pytest.raises(DrawingError, match="the robot returns home"):
         draw(search)
 
 
-def test_a_mission_without_other_areas_asks_how_far_one_sees() -> None:
+def test_detection_range_is_required_without_other_areas() -> None:
     bare = {
         key: value
         for key, value in PARAMETERS.items()
@@ -174,13 +174,13 @@ def test_a_mission_without_other_areas_asks_how_far_one_sees() -> None:
     assert search.sweeps.grounds["c"].sweep_width == pytest.approx(3.2)
 
 
-def test_a_later_run_has_the_areas_that_were_drawn() -> None:
-    told: list[tuple[str, dict[str, Any]]] = []
-    search = begun(**LIKELY)
-    search.zones.journal.record_event = lambda kind, **data: told.append((kind, data))  # type: ignore[method-assign]
+def test_later_run_has_drawn_areas() -> None:
+    events: list[tuple[str, dict[str, Any]]] = []
+    search = begin_search(**LIKELY)
+    search.zones.journal.record_event = lambda kind, **data: events.append((kind, data))  # type: ignore[method-assign]
     draw(search, poa=0.5)
-    [(kind, data)] = told
-    later = begun(**LIKELY)
+    [(kind, data)] = events
+    later = begin_search(**LIKELY)
     later.apply(JournalEntry(1, 1, 0.0, 0.0, kind, data))
     assert later.sweeps.grounds["c"].polygon == tuple(SQUARE)
     assert later.zones.areas["a"].poa == pytest.approx(0.3)
@@ -192,11 +192,11 @@ def test_a_later_run_has_the_areas_that_were_drawn() -> None:
 
 
 @pytest.mark.ros
-def test_an_area_that_is_drawn_is_answered_and_told(stage: "Stage") -> None:
+def test_add_area_service_responds_and_logs(stage: "Stage") -> None:
     from geometry_msgs.msg import Point32
     from sar_interfaces.srv import AddArea
 
-    search = begun()
+    search = begin_search()
     leaf = stage.take(
         PlanSweep("PlanSweep", search.zones, search.sweeps, orders=search.orders, fence=search.fence)
     )

@@ -1,4 +1,4 @@
-"""When a run is over."""
+"""Tests of end conditions of a run."""
 
 import pytest
 from py_trees.common import Status
@@ -30,7 +30,7 @@ def record(mission):
     return mission.context[MissionRecord]
 
 
-def test_a_mission_is_over_as_soon_as_it_is_complete(mission, zones, record):
+def test_run_ends_when_mission_is_complete(mission, zones, record):
     ending = EndCondition(Until.COMPLETE, mission)
     assert ending.after_tick(RUNNING, 1.0) is None
     record.zone_searched("a", None)
@@ -42,7 +42,7 @@ def test_a_mission_is_over_as_soon_as_it_is_complete(mission, zones, record):
     assert (result.achieved, result.reason) == (True, "Mission complete.")
 
 
-def test_what_a_complete_mission_has_left_open_is_said_with_its_end(mission, zones, record):
+def test_complete_mission_reports_open_points(mission, zones, record):
     zones.select_next_zone()
     record.base_reached()
     result = EndCondition(Until.COMPLETE, mission).after_tick(SUCCESS, 1.0)
@@ -50,7 +50,7 @@ def test_what_a_complete_mission_has_left_open_is_said_with_its_end(mission, zon
     assert (result.achieved, result.reason) == (True, "Mission complete. a was visited, not searched.")
 
 
-def test_a_mission_that_can_no_longer_become_complete_is_over(mission, zones, record):
+def test_run_ends_when_mission_can_no_longer_complete(mission, zones, record):
     ending = EndCondition(Until.COMPLETE, mission)
     record.zone_searched("a", (1.0, 2.0))
     record.base_reached()
@@ -66,20 +66,20 @@ def test_a_mission_that_can_no_longer_become_complete_is_over(mission, zones, re
     )
 
 
-def test_a_tree_that_runs_again_in_between_is_not_over(mission, zones):
+def test_run_continues_while_tree_runs_between_failures(mission, zones):
     ending = EndCondition(Until.COMPLETE, mission)
     zones.select_next_zone()
     assert [ending.after_tick(status, 1.0) for status in (FAILURE, RUNNING, FAILURE)] == [None] * 3
     assert ending.after_tick(FAILURE, 2.0) is not None
 
 
-def test_a_tree_that_fails_while_zones_remain_goes_on(mission):
+def test_run_continues_after_failures_while_zones_remain(mission):
     ending = EndCondition(Until.COMPLETE, mission)
     assert [ending.after_tick(FAILURE, 1.0) for _ in range(5)] == [None] * 5
 
 
 @pytest.mark.parametrize(("until", "wanted"), [(Until.SUCCESS, SUCCESS), (Until.FAILURE, FAILURE)])
-def test_a_run_until_a_status_of_the_root_ends_with_it_and_no_other(until, wanted):
+def test_run_until_status_ends_with_that_status_only(until, wanted):
     ending = EndCondition(until)
     for status in (RUNNING, SUCCESS, FAILURE, SKIPPED):
         result = ending.after_tick(status, 1.0)
@@ -91,7 +91,7 @@ def test_a_run_until_a_status_of_the_root_ends_with_it_and_no_other(until, wante
     ("status", "achieved", "name"),
     [(SUCCESS, True, "SUCCESS"), (FAILURE, False, "FAILURE"), (SKIPPED, False, "SKIPPED")],
 )
-def test_a_run_until_the_end_is_achieved_if_the_root_succeeds(status, achieved, name):
+def test_run_until_end_is_achieved_if_root_succeeds(status, achieved, name):
     ending = EndCondition(Until.END)
     assert ending.after_tick(RUNNING, 1.0) is None
     result = ending.after_tick(status, 2.0)
@@ -99,7 +99,7 @@ def test_a_run_until_the_end_is_achieved_if_the_root_succeeds(status, achieved, 
     assert (result.achieved, result.reason) == (achieved, f"The root of the tree ended with {name}.")
 
 
-def test_of_the_rounds_that_do_not_end_the_run_fewer_and_fewer_are_said_with_their_numbers():
+def test_restarts_are_logged_with_numbers_at_growing_intervals():
     said: list[str] = []
     ending = EndCondition(Until.SUCCESS, say=said.append)
     for status in (FAILURE, RUNNING, SKIPPED, *[FAILURE] * 220):
@@ -116,7 +116,7 @@ def test_of_the_rounds_that_do_not_end_the_run_fewer_and_fewer_are_said_with_the
 
 
 @pytest.mark.parametrize("until", [Until.COMPLETE, Until.FOREVER])
-def test_a_run_that_the_root_does_not_end_says_nothing_of_its_rounds(until, mission):
+def test_run_not_ended_by_root_logs_no_restarts(until, mission):
     said: list[str] = []
     ending = EndCondition(until, mission, say=said.append)
     for status in (FAILURE, SUCCESS):
@@ -125,7 +125,7 @@ def test_a_run_that_the_root_does_not_end_says_nothing_of_its_rounds(until, miss
 
 
 @pytest.mark.parametrize("status", list(Status))
-def test_a_run_without_end_never_ends(status, mission, zones, record):
+def test_endless_run_never_ends(status, mission, zones, record):
     zones.select_next_zone()
     record.base_reached()
     ending = EndCondition(Until.FOREVER, mission)
@@ -133,7 +133,7 @@ def test_a_run_without_end_never_ends(status, mission, zones, record):
     assert ending.complete
 
 
-def test_the_time_limit_ends_what_is_not_over_by_itself(mission):
+def test_time_limit_ends_running_mission(mission):
     ending = EndCondition(Until.COMPLETE, mission, time_limit_sec=10.0)
     assert ending.after_tick(RUNNING, 10.0) is None
     result = ending.after_tick(RUNNING, 10.1)
@@ -144,7 +144,7 @@ def test_the_time_limit_ends_what_is_not_over_by_itself(mission):
     )
 
 
-def test_a_mission_that_completes_at_the_limit_is_complete(mission, zones, record):
+def test_mission_that_completes_at_time_limit_is_complete(mission, zones, record):
     ending = EndCondition(Until.COMPLETE, mission, time_limit_sec=10.0)
     zones.select_next_zone()
     record.base_reached()
@@ -154,17 +154,17 @@ def test_a_mission_that_completes_at_the_limit_is_complete(mission, zones, recor
 
 
 class Unending(MissionRun):
-    """A mission that leaves everything as it is by default."""
+    """A mission that overrides no method."""
 
 
 @pytest.mark.parametrize("mission", [MissionRun(), Unending()])
-def test_without_an_end_of_its_own_nothing_lacks_and_nothing_is_ever_complete(mission):
+def test_default_mission_has_no_shortfalls_and_is_never_complete(mission):
     ending = EndCondition(Until.FOREVER, mission)
     assert ending.shortfalls() == []
     assert not ending.complete
 
 
-def test_a_mission_without_a_summary_of_its_own_has_one_with_its_figures_and_what_is_missing():
+def test_default_summary_has_figures_and_shortfalls():
     class Patrol(MissionRun):
         def display(self):
             return Display(figures=[Figure("photos", 1, of=2)])

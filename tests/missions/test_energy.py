@@ -1,4 +1,4 @@
-"""What a robot uses of its battery is learned, and no battery that was swapped teaches anything."""
+"""Tests of the energy model: consumption is learned, except across battery swaps and implausible readings."""
 
 import math
 
@@ -16,9 +16,9 @@ class Robot:
     """A robot on the x axis, whose battery is read once a second.
 
     Args:
-        model: What learns of it.
-        times: How many times the prior it uses for metres, and for seconds.
-        grain: What its battery rounds to.
+        model: The model that learns from this robot.
+        times: Its consumption per metre and per second, as multiples of the prior.
+        grain: The resolution of its battery readings.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Robot:
         return trip.metres * self.rates.per_m + trip.seconds * self.rates.per_sec
 
 
-def test_before_the_flight_the_prior_counts_with_all_by_which_it_can_be_wrong() -> None:
+def test_initial_need_is_prior_with_full_margin() -> None:
     model = EnergyModel(PRIOR, wrong_by=0.25)
     assert model.rates == PRIOR
     assert model.need(TRIP) == pytest.approx(1.25 * (0.05 + 0.025))
@@ -49,7 +49,7 @@ def test_before_the_flight_the_prior_counts_with_all_by_which_it_can_be_wrong() 
 
 
 @pytest.mark.parametrize("times", [(1.25, 1.25), (0.75, 1.25), (1.25, 0.75), (0.75, 0.75)])
-def test_both_rates_are_learned_where_the_robot_drives_and_stands(times: tuple[float, float]) -> None:
+def test_both_rates_are_learned_from_driving_and_standing(times: tuple[float, float]) -> None:
     robot = Robot(EnergyModel(PRIOR), times, grain=0.001)
     for _ in range(4):
         robot.go(400).go(500, speed=0.0)
@@ -57,7 +57,7 @@ def test_both_rates_are_learned_where_the_robot_drives_and_stands(times: tuple[f
     assert robot.model.rates.per_sec == pytest.approx(robot.rates.per_sec, rel=0.12)
 
 
-def test_what_was_learned_makes_the_margin_smaller() -> None:
+def test_learning_reduces_margin() -> None:
     robot = Robot(EnergyModel(PRIOR))
     before = robot.model.need(TRIP)
     after = robot.go(1500).model.need(TRIP)
@@ -65,45 +65,45 @@ def test_what_was_learned_makes_the_margin_smaller() -> None:
 
 
 @pytest.mark.parametrize("times", [(2.0, 2.0), (0.3, 1.0), (1.0, 3.0), (0.0, 1.0)])
-def test_a_prior_that_is_quite_wrong_is_left(times: tuple[float, float]) -> None:
+def test_wrong_prior_is_corrected(times: tuple[float, float]) -> None:
     robot = Robot(EnergyModel(PRIOR), times)
     while robot.share > 0.2:
         robot.go(200).go(50, speed=0.0)
-    told = robot.model.rates
-    error = abs(told.per_m * 100 + told.per_sec * 250 - robot.used(TRIP))
+    learned = robot.model.rates
+    error = abs(learned.per_m * 100 + learned.per_sec * 250 - robot.used(TRIP))
     assert error < 0.5 * abs(PRIOR.per_m * 100 + PRIOR.per_sec * 250 - robot.used(TRIP))
-    assert min(told) >= 0.0
+    assert min(learned) >= 0.0
 
 
-def test_no_rate_becomes_negative_where_less_is_used_than_rates_can_explain() -> None:
+def test_rates_never_become_negative() -> None:
     heated = Robot(EnergyModel(PRIOR), (0.0, 10.0)).go(300, speed=0.0)
     heated.rates = ConsumptionRates(0.0, 0.0)
-    told = heated.go(200, speed=1.0).model.rates
-    assert (told.per_m, told.per_sec > 2 * PRIOR.per_sec) == (0.0, True)
+    learned = heated.go(200, speed=1.0).model.rates
+    assert (learned.per_m, learned.per_sec > 2 * PRIOR.per_sec) == (0.0, True)
     fast = Robot(EnergyModel(PRIOR), (10.0, 0.0)).go(100, speed=1.0)
     fast.rates = ConsumptionRates(0.0, 0.0)
-    told = fast.go(900, speed=0.1).model.rates
-    assert (told.per_m > 2 * PRIOR.per_m, told.per_sec) == (True, 0.0)
+    learned = fast.go(900, speed=0.1).model.rates
+    assert (learned.per_m > 2 * PRIOR.per_m, learned.per_sec) == (True, 0.0)
 
 
-def test_a_battery_that_tells_tens_of_percent_teaches_too() -> None:
+def test_rates_are_learned_from_coarse_battery_readings() -> None:
     robot = Robot(EnergyModel(PRIOR), (2.0, 2.0), grain=0.1).go(1400)
     assert robot.model.need(TRIP) == pytest.approx(robot.used(TRIP), rel=0.15)
 
 
-def test_with_no_more_error_than_said_a_need_is_never_too_low() -> None:
+def test_need_is_never_too_low_within_stated_error() -> None:
     for seed in range(rounds(60)):
         chance = np.random.default_rng(seed)
         times = chance.uniform(0.75, 1.25), chance.uniform(0.75, 1.25)
         robot = Robot(EnergyModel(PRIOR, wrong_by=0.25), times, grain=1e-6)
         while robot.share > 0.2:
             trip = TripEstimate(chance.uniform(0.0, 200.0), chance.uniform(0.0, 900.0))
-            # The median of three readings is a second late.
+            # The median of three readings lags by one second.
             assert robot.model.need(trip) >= robot.used(trip) * 0.99, seed
             robot.go(int(chance.integers(10, 300)), float(chance.choice([0.0, 0.2, 0.4])))
 
 
-def test_a_swapped_battery_is_noticed_and_teaches_nothing() -> None:
+def test_swapped_battery_is_detected_and_not_learned_from() -> None:
     robot = Robot(EnergyModel(PRIOR)).go(1000)
     known = robot.model.rates
     robot.share = 0.95
@@ -114,7 +114,7 @@ def test_a_swapped_battery_is_noticed_and_teaches_nothing() -> None:
     assert robot.go(300).model.rates.per_m > 1.5 * PRIOR.per_m
 
 
-def test_a_battery_that_is_charged_slowly_is_noticed_and_teaches_nothing() -> None:
+def test_slow_charge_is_detected_and_not_learned_from() -> None:
     robot = Robot(EnergyModel(PRIOR), grain=0.001).go(1000)
     known, begun = robot.model.rates, robot.share
     robot.rates = ConsumptionRates(0.0, -0.0001)
@@ -125,7 +125,7 @@ def test_a_battery_that_is_charged_slowly_is_noticed_and_teaches_nothing() -> No
 
 
 @pytest.mark.parametrize("share", [0.3, 0.0])
-def test_a_fall_that_no_drive_explains_teaches_nothing(share: float) -> None:
+def test_unexplained_drop_is_not_learned_from(share: float) -> None:
     robot = Robot(EnergyModel(PRIOR)).go(1000)
     known = robot.model.rates
     robot.share = share + 0.05
@@ -134,7 +134,7 @@ def test_a_fall_that_no_drive_explains_teaches_nothing(share: float) -> None:
     assert robot.model.share == pytest.approx(share + 0.02, abs=0.01)
 
 
-def test_one_reading_that_is_wrong_counts_for_nothing() -> None:
+def test_single_wrong_reading_is_ignored() -> None:
     robot = Robot(EnergyModel(PRIOR)).go(1000)
     known = robot.model.rates
     robot.model.read(robot.now + 0.5, 0.0)
@@ -143,7 +143,7 @@ def test_one_reading_that_is_wrong_counts_for_nothing() -> None:
     assert (robot.model.charges, robot.model.rates) == (0, known)
 
 
-def test_what_two_leaves_hear_counts_once() -> None:
+def test_readings_in_quick_succession_count_once() -> None:
     model = EnergyModel(PRIOR)
     model.read(1.0, 0.5)
     model.read(1.1, 0.9)
@@ -152,7 +152,7 @@ def test_what_two_leaves_hear_counts_once() -> None:
     assert model.share == pytest.approx(0.7)
 
 
-def test_a_robot_that_stands_drives_no_metres_by_an_odometry_that_trembles() -> None:
+def test_odometry_jitter_adds_no_distance() -> None:
     def standing(tremble: float) -> EnergyModel:
         robot = Robot(EnergyModel(PRIOR), (1.0, 2.0), grain=0.001)
         for second in range(3000):
@@ -164,14 +164,14 @@ def test_a_robot_that_stands_drives_no_metres_by_an_odometry_that_trembles() -> 
     assert standing(0.0).rates.per_sec == pytest.approx(2 * PRIOR.per_sec, rel=0.15)
 
 
-def test_an_odometry_that_begins_anew_teaches_nothing() -> None:
+def test_odometry_reset_is_not_learned_from() -> None:
     robot = Robot(EnergyModel(PRIOR), (1.0, 3.0), grain=0.001).go(20)
     robot.x += 1000.0
     robot.go(30)
     assert robot.model.rates == PRIOR
 
 
-def test_a_clock_that_begins_anew_teaches_nothing() -> None:
+def test_clock_reset_is_not_learned_from() -> None:
     robot = Robot(EnergyModel(PRIOR), (3.0, 3.0), grain=0.001).go(25)
     robot.now = 0.0
     robot.go(30)

@@ -1,4 +1,4 @@
-"""The geofence: reading it, and what is inside."""
+"""Tests of the geofence: its parameter, and the positions inside."""
 
 import pytest
 
@@ -13,16 +13,16 @@ ELL = Geofence([(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0
     ("x", "y", "inside"),
     [(1.0, 1.0, True), (3.0, 1.0, True), (1.0, 3.0, True), (3.0, 3.0, False), (-1.0, 1.0, False), (5.0, 2.0, False)],
 )  # fmt: skip
-def test_a_fence_contains_what_is_inside_its_corners(corners, x, y, inside):
+def test_geofence_contains_positions_inside_its_corners(corners, x, y, inside):
     assert Geofence(corners).contains(x, y) is inside
 
 
-def test_without_a_fence_every_place_is_allowed():
+def test_empty_geofence_allows_every_position():
     assert not Geofence()
     assert Geofence().contains(1e9, -1e9)
 
 
-def test_the_parameter_lists_the_corners():
+def test_parameter_lists_corners():
     reader = ParameterReader({"geofence": [0.0, 0.0, 4.0, 0.0, 0.0, 3.0]})
     assert read_fence(reader).corners == ((0.0, 0.0), (4.0, 0.0), (0.0, 3.0))
     assert reader.problems == []
@@ -39,7 +39,7 @@ def test_the_parameter_lists_the_corners():
         ([True] * 6, "contains true"),
     ],
 )
-def test_a_parameter_that_is_no_area_is_a_mistake(value, said):
+def test_invalid_parameter_is_reported(value, said):
     reader = ParameterReader({"geofence": value})
     assert not read_fence(reader)
     with pytest.raises(ParameterError, match=said):

@@ -1,4 +1,7 @@
-"""Flights without ROS: whoever asks before each leg whether he comes home keeps half of the reserve, within the bounds that the page names."""
+"""Tests of the return check in simulated runs without ROS.
+
+A robot that checks before each leg whether it can return keeps half of the reserve, within the bounds stated on the page.
+"""
 
 import math
 import statistics
@@ -15,7 +18,7 @@ from search_and_rescue.sweep_record import SweepStates
 from search_and_rescue.zone_manager import DETOUR, MapPose, Zone, ZoneManager
 from tests.chance import rounds
 
-# Many flights, of code that other tests reach.
+# Many runs of code that other tests cover.
 pytestmark = pytest.mark.unmeasured
 
 PRIOR = ConsumptionRates(per_m=0.0015, per_sec=0.0003)
@@ -25,12 +28,12 @@ STEP_SEC = 1.0
 
 @dataclass
 class World:
-    """What the robot does not know.
+    """The true values, which the robot does not know.
 
     Attributes:
-        rates: What it uses.
-        speed_mps: How fast it drives.
-        detour: How many times as long as the straight line its ways are, at most and at least.
+        rates: The consumption.
+        speed_mps: The speed in m/s.
+        detour: Minimum and maximum length of paths, as multiples of the straight line.
     """
 
     rates: ConsumptionRates
@@ -38,15 +41,15 @@ class World:
     detour: tuple[float, float]
 
 
-class Flight:
-    """A flight that asks before each leg, and swaps the battery at home.
+class SimulatedRun:
+    """A run that checks the return before each leg, and swaps the battery at home or at a charging place.
 
     Args:
-        chance: Where zones, ways, looks and readings come from.
-        world: What the robot does not know.
-        wrong_by: How wrong the prior is said to be at most.
-        charging: How many charging places there are.
-        pieces: Of how many pieces the sweep of a zone is at most; 0 for a look at its pose.
+        chance: The random generator for zones, paths, search times and batteries.
+        world: The true values, which the robot does not know.
+        wrong_by: The stated maximum error of the prior.
+        charging: The number of charging places.
+        pieces: Maximum number of pieces of a sweep; 0 to search from the pose of the zone.
     """
 
     def __init__(
@@ -83,7 +86,7 @@ class Flight:
         self.homing.place = base
         self._read()
 
-    def fly(self) -> "Flight":
+    def execute(self) -> "SimulatedRun":
         while self.zones.has_remaining():
             zone = self.zones.current_zone()
             if self._pieces:
@@ -114,7 +117,7 @@ class Flight:
         return MapPose(x=x, y=y, yaw=0.0)
 
     def _is_in_reach(self) -> bool:
-        """Return whether the next leg is, if need be after a swap."""
+        """Return whether the next leg is in reach, if necessary after a swap."""
         if self.homing.shortage() and not self.homing.excess():
             self._swap()
         return not self.homing.shortage()
@@ -160,95 +163,102 @@ class Flight:
         self._read()
 
     def _read(self) -> None:
-        """Tell what a battery tells, in percent, and the odometry."""
+        """Report battery (in whole percent) and odometry to the model."""
         self.homing.energy.on_odometry(self._metres, 0.0)
         self.homing.energy.read(self._now, round(self.share, 2))
 
 
-def unlike(chance: np.random.Generator, wrong_by: float = 0.25) -> World:
-    """Return a world within the bounds that docs/how-to/search-by-probability.md names."""
+def random_world(chance: np.random.Generator, wrong_by: float = 0.25) -> World:
+    """Return a random world within the bounds that docs/how-to/search-by-probability.md states."""
     rates = (rate * chance.uniform(1 - wrong_by, 1 + wrong_by) for rate in PRIOR)
     return World(ConsumptionRates(*rates), SPEED_MPS * chance.uniform(0.9, 1.0), (1.0, DETOUR))
 
 
-def test_in_flights_by_chance_half_of_the_reserve_is_always_left() -> None:
+def test_random_runs_keep_half_of_reserve() -> None:
     lowest = [
-        Flight(chance := np.random.default_rng(seed), unlike(chance)).fly().lowest
+        SimulatedRun(chance := np.random.default_rng(seed), random_world(chance)).execute().lowest
         for seed in range(rounds(100))
     ]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
 
 
-def test_with_charging_places_half_of_the_reserve_is_always_left_too() -> None:
-    """Bounded: less than 20 zones a flight, each with one charge at most."""
-    flights = [
-        Flight(chance := np.random.default_rng(seed), unlike(chance), charging=2).fly()
+def test_runs_with_charging_places_keep_half_of_reserve() -> None:
+    """The runs terminate: there are less than 20 zones, each with at most one charge."""
+    runs = [
+        SimulatedRun(chance := np.random.default_rng(seed), random_world(chance), charging=2).execute()
         for seed in range(rounds(100))
     ]
-    lowest = [flight.lowest for flight in flights]
+    lowest = [run.lowest for run in runs]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
-    stops = [stop for flight in flights for stop in flight.charged_at]
+    stops = [stop for run in runs for stop in run.charged_at]
     assert sum(map(bool, stops)) > 20
     assert not all(stops)
 
 
 @pytest.mark.costly
 @pytest.mark.parametrize("charging", [0, 2])
-def test_in_sweeps_half_of_the_reserve_is_always_left_too(charging: int) -> None:
-    flights = [
-        Flight(chance := np.random.default_rng(seed), unlike(chance), charging=charging, pieces=12).fly()
+def test_sweeps_keep_half_of_reserve(charging: int) -> None:
+    runs = [
+        SimulatedRun(
+            chance := np.random.default_rng(seed), random_world(chance), charging=charging, pieces=12
+        ).execute()
         for seed in range(rounds(50))
     ]
-    lowest = [flight.lowest for flight in flights]
+    lowest = [run.lowest for run in runs]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
-    sweeps = [flight.sweeps.state_of(zone) for flight in flights for zone in flight.sweeps.grounds]
-    assert sum(len(flight.charged_at) for flight in flights) > 50
+    sweeps = [run.sweeps.state_of(zone) for run in runs for zone in run.sweeps.grounds]
+    assert sum(len(run.charged_at) for run in runs) > 50
     assert sum(each.skipped for each in sweeps) < 0.1 * sum(len(each.pieces) for each in sweeps)
 
 
 @pytest.mark.costly
-def test_in_the_worst_world_sweeps_do_not_cost_the_reserve_either() -> None:
+def test_worst_case_sweeps_keep_half_of_reserve() -> None:
     worst = World(ConsumptionRates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
     lowest = [
-        Flight(np.random.default_rng(seed), worst, pieces=12).fly().lowest for seed in range(rounds(30))
+        SimulatedRun(np.random.default_rng(seed), worst, pieces=12).execute().lowest
+        for seed in range(rounds(30))
     ]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
 
 
-def test_in_the_worst_world_charging_places_do_not_cost_the_reserve_either() -> None:
+def test_worst_case_runs_with_charging_places_keep_half_of_reserve() -> None:
     worst = World(ConsumptionRates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
     lowest = [
-        Flight(np.random.default_rng(seed), worst, charging=3).fly().lowest for seed in range(rounds(50))
+        SimulatedRun(np.random.default_rng(seed), worst, charging=3).execute().lowest
+        for seed in range(rounds(50))
     ]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
 
 
-def test_in_the_worst_world_of_the_page_half_of_the_reserve_is_always_left() -> None:
+def test_worst_case_runs_keep_half_of_reserve() -> None:
     worst = World(ConsumptionRates(*(1.25 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
-    lowest = [Flight(np.random.default_rng(seed), worst).fly().lowest for seed in range(rounds(50))]
+    lowest = [SimulatedRun(np.random.default_rng(seed), worst).execute().lowest for seed in range(rounds(50))]
     assert min(lowest) >= RESERVE / 2, lowest.index(min(lowest))
 
 
-def test_whoever_takes_a_prior_that_is_half_wrong_for_right_uses_the_reserve_up() -> None:
+def test_wrong_prior_with_zero_margin_uses_up_reserve() -> None:
     worst = World(ConsumptionRates(*(1.5 * rate for rate in PRIOR)), 0.9 * SPEED_MPS, (DETOUR, DETOUR))
-    lowest = [Flight(np.random.default_rng(seed), worst, wrong_by=0.0).fly().lowest for seed in range(50)]
+    lowest = [
+        SimulatedRun(np.random.default_rng(seed), worst, wrong_by=0.0).execute().lowest for seed in range(50)
+    ]
     assert min(lowest) < RESERVE / 2
 
 
-def test_the_battery_is_used_and_not_only_spared() -> None:
-    flights = [
-        Flight(np.random.default_rng(seed), unlike(np.random.default_rng(seed))).fly() for seed in range(50)
+def test_battery_is_used_below_half_and_few_zones_are_abandoned() -> None:
+    runs = [
+        SimulatedRun(np.random.default_rng(seed), random_world(np.random.default_rng(seed))).execute()
+        for seed in range(50)
     ]
-    swapped = [share for flight in flights for share in flight.at_home[:-1]]
-    given_up = sum(len(flight.zones.abandoned_zones()) for flight in flights)
+    swapped = [share for run in runs for share in run.at_home[:-1]]
+    given_up = sum(len(run.zones.abandoned_zones()) for run in runs)
     assert len(swapped) > 50
     assert statistics.median(swapped) < 0.5
-    assert given_up < 0.1 * sum(flight.zones.total_zones() for flight in flights)
+    assert given_up < 0.1 * sum(run.zones.total_zones() for run in runs)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_zone_is_given_up_only_where_no_battery_suffices(seed: int) -> None:
-    flight = Flight(np.random.default_rng(seed), unlike(np.random.default_rng(seed))).fly()
-    for zone in flight.zones.abandoned_zones():
-        there_and_back = 2 * flight.zones.path_length_m(flight.zones.base_pose(), zone)
+def test_zone_is_abandoned_only_if_no_battery_suffices(seed: int) -> None:
+    run = SimulatedRun(np.random.default_rng(seed), random_world(np.random.default_rng(seed))).execute()
+    for zone in run.zones.abandoned_zones():
+        there_and_back = 2 * run.zones.path_length_m(run.zones.base_pose(), zone)
         assert there_and_back * (PRIOR.per_m + PRIOR.per_sec / SPEED_MPS) > 0.5

@@ -1,4 +1,4 @@
-"""The ground of zones: its parameters, and every mistake in them that is found before the flight."""
+"""Tests of the ground of zones: its parameters, and errors and notes before the run."""
 
 from typing import Any
 
@@ -11,8 +11,8 @@ from search_and_rescue.search import Search
 SQUARE = [0.0, 0.0, 4.0, 0.0, 4.0, 4.0, 0.0, 4.0]
 
 
-def begun(**changed: object) -> Search:
-    """Begin a search of one zone with an outline, its parameters changed; None for none."""
+def begin_search(**changed: object) -> Search:
+    """Begin a search of one zone with a polygon, with changed parameters; None removes a parameter."""
     given: dict[str, object] = {f"zones.a.{name}": 1.0 for name in ("x", "y", "yaw")}
     given |= {"zone_order": ["a"], "zones.a.polygon": SQUARE, "zones.a.detection_range": 2.0}
     given |= {
@@ -35,28 +35,28 @@ def begun(**changed: object) -> Search:
         ({"sweep_width": 3.2, "detection_range": None}, 3.2, 2.0),
     ],
 )
-def test_sweep_width_and_detection_range_follow_from_each_other_by_the_visibility(
+def test_sweep_width_and_detection_range_follow_from_each_other(
     changed: dict[str, Any], width: float, reach: float
 ) -> None:
-    ground = begun(**changed).sweeps.grounds["a"]
+    ground = begin_search(**changed).sweeps.grounds["a"]
     assert ground.polygon == ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))
     assert list(ground[1:]) == pytest.approx([width, reach])
 
 
-def test_a_zone_without_an_outline_has_no_ground_and_shows_none() -> None:
-    search = begun(polygon=None, detection_range=None)
+def test_zone_without_polygon_has_no_ground() -> None:
+    search = begin_search(polygon=None, detection_range=None)
     assert search.sweeps.grounds == {}
     assert "grounds" not in search.identity()
     assert not any(each.kind == "area" for each in search.display().landmarks)
 
 
-def test_an_area_has_its_kind_from_the_beginning_as_it_may_be_drawn_later() -> None:
-    search = begun(polygon=None, detection_range=None)
+def test_area_and_gap_kinds_exist_without_any_polygon() -> None:
+    search = begin_search(polygon=None, detection_range=None)
     assert {"area", "gap"} <= {kind.name for kind in search.kinds}
 
 
-def test_other_ground_makes_another_mission() -> None:
-    assert begun().identity() != begun(detection_range=3.0).identity()
+def test_different_ground_changes_mission_identity() -> None:
+    assert begin_search().identity() != begin_search(detection_range=3.0).identity()
 
 
 @pytest.mark.parametrize(
@@ -87,9 +87,9 @@ def test_other_ground_makes_another_mission() -> None:
         ({"priority": "high"}, "zones.a.priority: must be a number"),
     ],
 )  # fmt: skip
-def test_each_mistake_in_the_ground_is_named_before_the_flight(changed: dict[str, Any], said: str) -> None:
+def test_ground_parameter_error_is_reported_before_run(changed: dict[str, Any], said: str) -> None:
     with pytest.raises(ParameterError) as raised:
-        begun(**changed)
+        begin_search(**changed)
     [problem] = raised.value.problems
     assert str(problem).startswith(said)
 
@@ -109,7 +109,7 @@ def test_each_mistake_in_the_ground_is_named_before_the_flight(changed: dict[str
         ({"sweep_width": 0.081}, []),
     ],
 )
-def test_what_is_mostly_a_slip_is_noted_before_the_flight(changed: dict[str, Any], noted: list[str]) -> None:
+def test_suspicious_ground_is_noted_before_run(changed: dict[str, Any], noted: list[str]) -> None:
     given: dict[str, object] = {f"zones.a.{name}": 1.0 for name in ("x", "y", "yaw")}
     given |= {"zone_order": ["a"], "zones.a.polygon": SQUARE, "zones.a.detection_range": 2.0}
     reader = ParameterReader(given | {f"zones.a.{key}": value for key, value in changed.items()})
@@ -117,11 +117,11 @@ def test_what_is_mostly_a_slip_is_noted_before_the_flight(changed: dict[str, Any
     assert (reader.problems, reader.notes) == ([], noted)
 
 
-def test_an_outline_may_follow_the_fence_between_its_corners() -> None:
+def test_polygon_may_follow_geofence_between_its_corners() -> None:
     fence = [-1.0, 0.0, 5.0, 0.0, 5.0, 5.0, -1.0, 5.0]
-    assert begun(geofence=fence).sweeps.grounds["a"].polygon[0] == (0.0, 0.0)
+    assert begin_search(geofence=fence).sweeps.grounds["a"].polygon[0] == (0.0, 0.0)
 
 
-def test_a_polygon_in_metres_far_from_the_georeferences_degrees_is_one_in_metres() -> None:
-    search = begun(georeference__lat=48.1, georeference__lon=11.5)
+def test_polygon_in_metres_is_accepted_with_georeference() -> None:
+    search = begin_search(georeference__lat=48.1, georeference__lon=11.5)
     assert search.sweeps.grounds["a"].polygon == ((0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0))

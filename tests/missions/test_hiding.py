@@ -1,4 +1,4 @@
-"""Somebody who hides in a simulated search: as likely where it is said, found as soon and as often as was told before."""
+"""Tests of the hidden survivor of simulated searches: location and detection match the planned probabilities."""
 
 import json
 import math
@@ -30,8 +30,8 @@ AREAS = {
 POSES = {name: MapPose(x=float(at), y=2.0, yaw=math.pi / 2) for at, name in enumerate(AREAS)}
 
 
-def told() -> tuple[list[str], list[float], list[float], TourInputs, list[int]]:
-    """Return the areas of the offices in the order that finds soonest, when each is searched, what it brings, and the tour."""
+def planned_search() -> tuple[list[str], list[float], list[float], TourInputs, list[int]]:
+    """Return the optimal search of the offices: names, end times and detection probabilities in order, the tour, and the order."""
     zones = begun()[0].zones
     tour = zones.tour(zones.remaining_zones())
     order = order_areas("expected_find", tour)
@@ -39,7 +39,7 @@ def told() -> tuple[list[str], list[float], list[float], TourInputs, list[int]]:
     return names, tour.ends(order), [tour.finds[area] for area in order], tour, order
 
 
-def test_somebody_is_in_each_area_and_elsewhere_as_often_as_is_said() -> None:
+def test_survivor_hides_in_each_area_with_its_probability() -> None:
     count = rounds(10_000)
     where = Counter(HiddenSurvivor(POSES, AREAS, seed).area for seed in range(count))
     for area, share in (("hall", 0.5), ("attic", 0.3), ("yard", 0.0), (None, 0.2)):
@@ -47,8 +47,8 @@ def test_somebody_is_in_each_area_and_elsewhere_as_often_as_is_said() -> None:
 
 
 @pytest.mark.unmeasured
-def test_searches_in_the_offices_find_as_soon_and_as_often_as_was_told() -> None:
-    names, ends, finds, tour, order = told()
+def test_simulated_searches_match_planned_time_and_pos() -> None:
+    names, ends, finds, tour, order = planned_search()
     search, _ = begun()
     poses = {zone["id"]: zone for zone in search.zones.remaining_zones()}
     times, count = [], rounds(10_000)
@@ -61,10 +61,10 @@ def test_searches_in_the_offices_find_as_soon_and_as_often_as_was_told() -> None
     assert abs(len(times) / count - pos) < SIGMAS * math.sqrt(pos * (1 - pos) / count)
 
 
-def as_answers(finds: list[float]) -> dict[str, object]:
-    """Return what the leaves of the tree answer where nothing fails, and each look is as likely the first to find as was told."""
+def scenario_outcomes(finds: list[float]) -> dict[str, object]:
+    """Return outcomes of the tree's leaves without failures, where each search has its planned probability of the first detection."""
     begins = [max(0.0, 1 - sum(finds[:looks])) for looks in range(len(finds))]
-    # Of all answers only those count that are possible at a look, in proportion.
+    # Only outcomes that are possible at a search are considered, in proportion to their probability.
     share = 1 / (len(finds) + 1)
     nothing = {"status": "SUCCESS", "label": "nothing", "then": "found_by_DetectSurvivor = false"}
     found = {"status": "SUCCESS", "label": "found", "then": FOUND}
@@ -89,12 +89,16 @@ def as_answers(finds: list[float]) -> dict[str, object]:
 
 
 @pytest.fixture
-def told_file(tmp_path: Path) -> Callable[..., tuple[Path, float]]:
-    """Writes a file with what the plan of the offices tells of each look; returns the probability of success, too."""
+def plan_file(tmp_path: Path) -> Callable[..., tuple[Path, float]]:
+    """Return a function that writes the planned outcomes of the offices to a file; it returns the path and the POS."""
 
     def write(**more: object) -> tuple[Path, float]:
-        finds = told()[2]
-        said = {"facts": {"zones_left": len(finds), "somebody": False}, "outcomes": as_answers(finds), **more}
+        finds = planned_search()[2]
+        said = {
+            "facts": {"zones_left": len(finds), "somebody": False},
+            "outcomes": scenario_outcomes(finds),
+            **more,
+        }
         path = tmp_path / "looks.yaml"
         path.write_text(yaml.safe_dump(said), encoding="utf-8")
         return path, sum(finds)
@@ -102,10 +106,10 @@ def told_file(tmp_path: Path) -> Callable[..., tuple[Path, float]]:
     return write
 
 
-def test_a_prediction_of_the_tree_is_the_probability_of_success_that_was_told(
-    told_file: Callable[..., tuple[Path, float]], capsys: pytest.CaptureFixture[str]
+def test_predicted_success_probability_is_planned_pos(
+    plan_file: Callable[..., tuple[Path, float]], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path, pos = told_file(properties={"somebody is found": {"at_end": "somebody"}})
+    path, pos = plan_file(properties={"somebody is found": {"at_end": "somebody"}})
     options = ("--properties", str(path), "--set", "zones_left=10", "--format", "json")
     assert main(["predict", TREE, *options]) == 0
     said = json.loads(capsys.readouterr().out)["properties"]["somebody is found"]
@@ -113,10 +117,10 @@ def test_a_prediction_of_the_tree_is_the_probability_of_success_that_was_told(
 
 
 @pytest.mark.unmeasured
-def test_runs_of_the_tree_find_somebody_as_often_as_was_told(
-    told_file: Callable[..., tuple[Path, float]], capsys: pytest.CaptureFixture[str]
+def test_simulated_runs_succeed_with_planned_pos(
+    plan_file: Callable[..., tuple[Path, float]], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path, pos = told_file(expect={"root": "SUCCESS", "facts": {"somebody": True}})
+    path, pos = plan_file(expect={"root": "SUCCESS", "facts": {"somebody": True}})
     count = rounds(1000)
     options = ("--runs", str(count), "--half-width", "0", "--jobs", "1", "--format", "json")
     assert main(["sweep", TREE, "--scenario", str(path), *options]) == 1
@@ -124,12 +128,12 @@ def test_runs_of_the_tree_find_somebody_as_often_as_was_told(
     assert abs(row["successes"] / count - pos) < SIGMAS * math.sqrt(pos * (1 - pos) / count)
 
 
-def test_who_is_found_stands_a_metre_ahead_of_the_robot() -> None:
+def test_found_survivor_is_one_metre_ahead_of_robot() -> None:
     seed = next(seed for seed in range(99) if HiddenSurvivor(POSES, AREAS, seed).search("attic"))
     assert HiddenSurvivor(POSES, AREAS, seed).search("attic") == pytest.approx((1.0, 3.0))
 
 
-def test_neither_the_order_of_the_areas_nor_looks_elsewhere_change_what_a_seed_makes() -> None:
+def test_result_of_seed_is_independent_of_area_order_and_other_searches() -> None:
     turned = dict(reversed(AREAS.items()))
     for seed in range(50):
         one, other = HiddenSurvivor(POSES, AREAS, seed), HiddenSurvivor(POSES, turned, seed)
@@ -141,38 +145,38 @@ def test_neither_the_order_of_the_areas_nor_looks_elsewhere_change_what_a_seed_m
         assert (one.area, looks) == (other.area, others)
 
 
-def in_the_hall(seed: int, pod: float = 1.0, reach: float = 99.0) -> HiddenSurvivor:
-    """Return somebody who hides in the outline of the hall for sure: a triangle with two sides of 8 m."""
+def survivor_in_hall(seed: int, pod: float = 1.0, reach: float = 99.0) -> HiddenSurvivor:
+    """Return a survivor who certainly hides in the polygon of the hall: a triangle with two sides of 8 m."""
     ground = Ground(((0.0, 0.0), (8.0, 0.0), (8.0, 8.0)), sweep_width=4.0, detection_range=reach)
     return HiddenSurvivor(POSES, {"hall": SearchExpectation(1.0, pod)}, seed, {"hall": ground})
 
 
-def place_of(seed: int) -> tuple[float, float]:
-    found = in_the_hall(seed).search("hall", (4.0, 4.0))
+def survivor_position(seed: int) -> tuple[float, float]:
+    found = survivor_in_hall(seed).search("hall", (4.0, 4.0))
     assert found is not None
     return found
 
 
-def test_who_hides_in_an_outline_is_anywhere_in_it_whatever_the_pose() -> None:
+def test_survivor_in_polygon_is_uniformly_distributed() -> None:
     count = rounds(2000)
-    places = [place_of(seed) for seed in range(count)]
+    places = [survivor_position(seed) for seed in range(count)]
     assert all(0.0 <= y <= x <= 8.0 for x, y in places)
     share = sum(x < 4.0 for x, _ in places) / count
     assert abs(share - 0.25) <= SIGMAS * math.sqrt(0.25 * 0.75 / count)
 
 
-def test_who_hides_in_an_outline_is_found_from_within_the_detection_range_alone() -> None:
-    x, y = place_of(0)
+def test_survivor_in_polygon_is_found_only_within_detection_range() -> None:
+    x, y = survivor_position(0)
     near, far = (x - 2.4, y), (x - 2.6, y)
-    assert in_the_hall(0, reach=2.5).search("hall", near) == (x, y)
-    assert in_the_hall(0, reach=2.5).search("hall", far) is None
-    assert in_the_hall(0, reach=2.5).search("hall") is None
-    assert in_the_hall(0, reach=2.5).search("attic", near) is None
+    assert survivor_in_hall(0, reach=2.5).search("hall", near) == (x, y)
+    assert survivor_in_hall(0, reach=2.5).search("hall", far) is None
+    assert survivor_in_hall(0, reach=2.5).search("hall") is None
+    assert survivor_in_hall(0, reach=2.5).search("attic", near) is None
 
 
-def test_looks_from_too_far_away_do_not_change_which_look_finds() -> None:
+def test_searches_from_too_far_do_not_change_later_results() -> None:
     def looks(seed: int, *, with_far_ones: bool) -> list[bool]:
-        hiding, found = in_the_hall(seed, pod=0.5), []
+        hiding, found = survivor_in_hall(seed, pod=0.5), []
         for _ in range(6):
             if with_far_ones:
                 assert hiding.search("hall", (199.0, 199.0)) is None
@@ -181,7 +185,7 @@ def test_looks_from_too_far_away_do_not_change_which_look_finds() -> None:
 
     without = [looks(seed, with_far_ones=False) for seed in range(20)]
     assert without == [looks(seed, with_far_ones=True) for seed in range(20)]
-    assert {True, False} == {each for flight in without for each in flight}
+    assert {True, False} == {each for results in without for each in results}
 
 
 def read(**parameters: object) -> bool:
@@ -191,7 +195,7 @@ def read(**parameters: object) -> bool:
     return hides
 
 
-def test_nobody_hides_unless_that_is_said() -> None:
+def test_survivor_hides_only_on_request() -> None:
     assert not read()
     assert read(hidden_survivor=True, **{"zones.hall.poa": 0.5})
 
@@ -207,6 +211,6 @@ def test_nobody_hides_unless_that_is_said() -> None:
         ({"zones.hall.poa": 0.5, "hidden_survivor": 1}, "must be true or false"),
     ],
 )
-def test_what_does_not_go_with_hiding_is_said(parameters: dict[str, object], words: str) -> None:
+def test_parameters_that_conflict_with_hiding_are_rejected(parameters: dict[str, object], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
         read(**{"hidden_survivor": True, **parameters})

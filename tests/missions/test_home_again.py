@@ -1,4 +1,4 @@
-"""The leaves that bring the robot home before it goes on, what is remembered of that, and what the shipped tree is proved to do."""
+"""Tests of the leaves that send the robot home to charge, of their events, and of the proofs of the shipped trees."""
 
 import math
 import time
@@ -38,7 +38,7 @@ SHORT = "zone_a needs 30% of a full battery (30 m, 30 s), but the battery is at 
 
 
 class Robot:
-    """A search of one zone, with the leaves on a stage, and the battery that is told on its topic."""
+    """A search of one zone with its leaves on a stage, and a publisher of battery states."""
 
     def __init__(self, stage: "Stage", **ports: Any) -> None:
         from sensor_msgs.msg import BatteryState
@@ -50,12 +50,12 @@ class Robot:
         self.search = Search(plan, homing=self.homing)
         shared: Any = {"homing": self.homing, "clock": self.clock, "record": self.search.record}
         self._publisher = stage.host().node.create_publisher(BatteryState, "battery_state", 10)
-        self.asks = stage.take(ReturnInReach("InReach?", **shared, **ports))
-        self.full = stage.take(FullBatterySuffices("Full?", self.homing))
-        self.waits = stage.take(AwaitCharge("Await", **shared, patience=60.0))
+        self.return_check = stage.take(ReturnInReach("InReach?", **shared, **ports))
+        self.full_battery_check = stage.take(FullBatterySuffices("Full?", self.homing))
+        self.charge_wait = stage.take(AwaitCharge("Await", **shared, patience=60.0))
 
-    def tells(self, share: float) -> None:
-        """Tell of the battery until that is known: the model takes the median of three readings."""
+    def report_battery(self, share: float) -> None:
+        """Publish the battery until the model has this share: it uses the median of three readings."""
 
         def is_known() -> bool:
             self._publisher.publish(self._message(percentage=share))
@@ -63,15 +63,15 @@ class Robot:
 
         self._stage.until(is_known, f"a battery at {share:.0%}")
 
-    def comes_home(self) -> None:
+    def reach_base(self) -> None:
         self.search.record.base_reached()
 
-    def answer(self, leaf: ReturnInReach | FullBatterySuffices | AwaitCharge) -> str:
+    def tick_and_get_outcome(self, leaf: ReturnInReach | FullBatterySuffices | AwaitCharge) -> str:
         leaf.tick_once()
         return leaf.outcome_label
 
     @property
-    def facts(self) -> list[str]:
+    def alarm_texts(self) -> list[str]:
         return [each.text for each in self.search.display().alarms]
 
 
@@ -82,64 +82,64 @@ def robot(stage: "Stage") -> Robot:
 
 @pytest.mark.ros
 class TestReturnInReach:
-    def test_a_battery_that_suffices_lets_the_robot_go(self, stage: "Stage", robot: Robot) -> None:
-        robot.tells(0.9)
-        assert robot.answer(robot.asks) == "in reach"
-        assert robot.asks.status is Status.SUCCESS
-        assert (stage.warnings, robot.facts) == ([], [])
+    def test_sufficient_battery_lets_robot_start_leg(self, stage: "Stage", robot: Robot) -> None:
+        robot.report_battery(0.9)
+        assert robot.tick_and_get_outcome(robot.return_check) == "in reach"
+        assert robot.return_check.status is Status.SUCCESS
+        assert (stage.warnings, robot.alarm_texts) == ([], [])
         assert "metres to the point of no return" in {each.name for each in robot.search.display().figures}
 
-    def test_one_that_does_not_brings_it_home_first_and_is_told_with_figures(
+    def test_insufficient_battery_sends_robot_home_and_states_figures(
         self, stage: "Stage", robot: Robot
     ) -> None:
-        robot.tells(0.4)
-        assert robot.answer(robot.asks) == "out of reach"
-        assert robot.asks.status is Status.FAILURE
+        robot.report_battery(0.4)
+        assert robot.tick_and_get_outcome(robot.return_check) == "out of reach"
+        assert robot.return_check.status is Status.FAILURE
         assert stage.warnings == [f"{SHORT}: home first."]
-        assert robot.facts == [f"{SHORT}: home first"]
+        assert robot.alarm_texts == [f"{SHORT}: home first"]
         assert robot.search.record.alarms == ()
 
-    def test_it_waits_for_the_first_word_of_the_battery_and_then_takes_silence_for_empty(
+    def test_missing_battery_reading_is_waited_for_then_out_of_reach(
         self, stage: "Stage", robot: Robot
     ) -> None:
-        assert robot.answer(robot.asks) == "battery unknown"
-        assert robot.asks.status is Status.RUNNING
+        assert robot.tick_and_get_outcome(robot.return_check) == "battery unknown"
+        assert robot.return_check.status is Status.RUNNING
         robot.clock.advance(31.0)
-        assert robot.answer(robot.asks) == "out of reach"
+        assert robot.tick_and_get_outcome(robot.return_check) == "out of reach"
         assert stage.warnings == ["no usable percentage on 'battery_state' for 30 s: home first."]
 
-    def test_a_battery_that_has_fallen_silent_suffices_for_nothing(self, stage: "Stage") -> None:
+    def test_outdated_battery_reading_is_out_of_reach(self, stage: "Stage") -> None:
         robot = Robot(stage, max_age_sec=1e-9)
-        robot.tells(0.9)
-        assert robot.answer(robot.asks) == "out of reach"
+        robot.report_battery(0.9)
+        assert robot.tick_and_get_outcome(robot.return_check) == "out of reach"
 
     @pytest.mark.parametrize("percentage", [math.nan, 85.0, -0.1])
-    def test_what_is_no_share_says_nothing(self, robot: Robot, percentage: float) -> None:
-        robot.asks._meter._on_battery(robot._message(percentage=percentage))
+    def test_invalid_percentage_is_ignored(self, robot: Robot, percentage: float) -> None:
+        robot.return_check._meter._on_battery(robot._message(percentage=percentage))
         assert math.isnan(robot.homing.energy.share)
-        assert robot.answer(robot.asks) == "battery unknown"
+        assert robot.tick_and_get_outcome(robot.return_check) == "battery unknown"
 
-    def test_time_that_does_not_suffice_brings_the_robot_home_too(self, stage: "Stage") -> None:
+    def test_insufficient_time_sends_robot_home(self, stage: "Stage") -> None:
         robot = Robot(stage, limit=100.0)
-        robot.tells(0.9)
-        assert robot.answer(robot.asks) == "in reach"
+        robot.report_battery(0.9)
+        assert robot.tick_and_get_outcome(robot.return_check) == "in reach"
         robot.clock.advance(70.0)
-        assert robot.answer(robot.asks) == "in reach"
+        assert robot.tick_and_get_outcome(robot.return_check) == "in reach"
         robot.clock.advance(1.0)
-        robot.tells(0.9)
-        assert robot.answer(robot.asks) == "out of reach"
-        told = "zone_a and the way home need 30 s, but only 29 s of the mission time are left"
-        assert stage.warnings == [f"{told}: home first."]
-        robot.comes_home()
-        assert robot.answer(robot.waits) == "not charged"
-        assert robot.search.record.alarm == told
+        robot.report_battery(0.9)
+        assert robot.tick_and_get_outcome(robot.return_check) == "out of reach"
+        reported = "zone_a and the way home need 30 s, but only 29 s of the mission time are left"
+        assert stage.warnings == [f"{reported}: home first."]
+        robot.reach_base()
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "not charged"
+        assert robot.search.record.alarm == reported
 
-    def test_without_a_zone_there_is_nowhere_to_go(self, robot: Robot) -> None:
+    def test_check_without_zone_reports_no_zone(self, robot: Robot) -> None:
         robot.search.zones.select_next_zone()
-        assert robot.answer(robot.asks) == "no zone"
-        assert robot.answer(robot.waits) == "not charged"
+        assert robot.tick_and_get_outcome(robot.return_check) == "no zone"
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "not charged"
 
-    def test_it_is_weighed_from_where_the_robot_is(self, stage: "Stage", robot: Robot) -> None:
+    def test_return_is_estimated_from_robot_position(self, stage: "Stage", robot: Robot) -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -149,14 +149,14 @@ class TestReturnInReach:
         stage.host().node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched).publish(pose)
 
         def is_there() -> bool:
-            robot.tells(0.9)
+            robot.report_battery(0.9)
             return robot.homing.place is not None
 
         stage.until(is_there, "the place")
         assert robot.homing.home().metres == 30.0
         assert robot.homing.energy.share == pytest.approx(0.9)
 
-    def test_what_is_driven_is_learned_while_no_leaf_is_ticked(self, stage: "Stage", robot: Robot) -> None:
+    def test_consumption_is_learned_while_no_leaf_is_ticked(self, stage: "Stage", robot: Robot) -> None:
         from nav_msgs.msg import Odometry
 
         publisher, message = stage.host().node.create_publisher(Odometry, "odometry/filtered", 10), Odometry()
@@ -164,7 +164,7 @@ class TestReturnInReach:
         began = time.monotonic()
 
         def has_learned() -> bool:
-            # By the clock: how often this is called depends on the machine, and nothing drives a metre in a moment.
+            # The position follows the clock: the number of calls depends on the machine, and a jump of a metre is implausible.
             message.pose.pose.position.x = 0.5 * (time.monotonic() - began)
             publisher.publish(message)
             robot._publisher.publish(robot._message(percentage=0.9 - 0.03 * message.pose.pose.position.x))
@@ -175,61 +175,55 @@ class TestReturnInReach:
 
 @pytest.mark.ros
 class TestFullBatterySuffices:
-    def test_a_zone_from_which_a_full_battery_brings_the_robot_home_is_one_to_charge_for(
-        self, stage: "Stage", robot: Robot
-    ) -> None:
-        robot.tells(0.1)
+    def test_full_battery_suffices_for_zone_near_home(self, stage: "Stage", robot: Robot) -> None:
+        robot.report_battery(0.1)
         robot.homing.place = {"x": -90.0, "y": 0.0, "yaw": 0.0}
-        assert robot.answer(robot.full) == "suffices"
-        assert (robot.full.status, stage.warnings) == (Status.SUCCESS, [STRAIGHT])
+        assert robot.tick_and_get_outcome(robot.full_battery_check) == "suffices"
+        assert (robot.full_battery_check.status, stage.warnings) == (Status.SUCCESS, [STRAIGHT])
 
-    def test_no_charge_helps_for_one_that_is_too_far(self, stage: "Stage", robot: Robot) -> None:
+    def test_full_battery_does_not_suffice_for_distant_zone(self, stage: "Stage", robot: Robot) -> None:
         robot.search.zones.add({"id": "zone_b", "x": 29.0, "y": 0.0, "yaw": 0.0})
         robot.search.zones.choose_zone("zone_b")
-        assert robot.answer(robot.full) == "too far"
-        assert robot.full.status is Status.FAILURE
+        assert robot.tick_and_get_outcome(robot.full_battery_check) == "too far"
+        assert robot.full_battery_check.status is Status.FAILURE
         assert stage.warnings == [
             STRAIGHT,
             "zone_b needs 87% of a full battery from home and back (87 m, 87 s), but only 85% is available above the reserve.",
         ]
 
-    def test_it_asks_the_planner_for_the_ways_of_the_leg_and_for_none_twice(
-        self, stage: "Stage", robot: Robot
-    ) -> None:
+    def test_path_of_leg_is_requested_once(self, stage: "Stage", robot: Robot) -> None:
         server = PlanningServer(stage.host())
         server.detour_m = {frozenset({0.0, 10.0}): 40.0}
-        assert stage.run(robot.full) is Status.FAILURE
+        assert stage.run(robot.full_battery_check) is Status.FAILURE
         assert stage.warnings[0].startswith(
             "zone_a needs 100% of a full battery from home and back (100 m, 100 s)"
         )
-        assert stage.run(robot.full) is Status.FAILURE
+        assert stage.run(robot.full_battery_check) is Status.FAILURE
         assert server.asked == [(0.0, 10.0)]
 
-    def test_one_that_is_halted_asks_anew_when_it_is_its_turn_again(
-        self, stage: "Stage", robot: Robot
-    ) -> None:
+    def test_halted_leaf_requests_path_again(self, stage: "Stage", robot: Robot) -> None:
         server = PlanningServer(stage.host())
         server.gate.clear()
-        stage.tick_until(robot.full, lambda: server.asked, "the question")
-        assert robot.full.outcome_label == "requesting paths"
-        robot.full.stop(Status.INVALID)
+        stage.tick_until(robot.full_battery_check, lambda: server.asked, "the question")
+        assert robot.full_battery_check.outcome_label == "requesting paths"
+        robot.full_battery_check.stop(Status.INVALID)
         server.gate.set()
-        assert stage.run(robot.full) is Status.SUCCESS
+        assert stage.run(robot.full_battery_check) is Status.SUCCESS
         assert server.asked == [(0.0, 10.0)] * 2
 
-    def test_its_client_is_gone_with_it(self, stage: "Stage", robot: Robot) -> None:
+    def test_shutdown_removes_clients(self, stage: "Stage", robot: Robot) -> None:
         clients = len(list(stage.node.clients))
-        robot.full.shutdown()
+        robot.full_battery_check.shutdown()
         assert len(list(stage.node.clients)) == clients - 2
 
-    def test_without_a_zone_there_is_nothing_to_weigh(self, robot: Robot) -> None:
+    def test_full_battery_check_without_zone_fails(self, robot: Robot) -> None:
         robot.search.zones.select_next_zone()
-        assert robot.answer(robot.full) == "no zone"
-        assert robot.full.status is Status.FAILURE
+        assert robot.tick_and_get_outcome(robot.full_battery_check) == "no zone"
+        assert robot.full_battery_check.status is Status.FAILURE
 
 
 @pytest.mark.ros
-def test_a_failsafe_that_ends_the_mission_at_a_limit_lets_it_be_known(stage: "Stage", robot: Robot) -> None:
+def test_battery_failsafe_registers_highest_limit(stage: "Stage", robot: Robot) -> None:
     for limit in (0.3, 0.2):
         stage.take(BatterySuffices("Battery?", at_least=limit, homing=robot.homing))
     assert robot.homing.ends_below == 0.3
@@ -237,72 +231,70 @@ def test_a_failsafe_that_ends_the_mission_at_a_limit_lets_it_be_known(stage: "St
 
 @pytest.mark.ros
 class TestAwaitCharge:
-    def test_it_waits_at_home_until_the_battery_was_swapped(self, stage: "Stage", robot: Robot) -> None:
-        robot.tells(0.4)
-        robot.answer(robot.asks)
+    def test_leaf_waits_at_home_until_battery_is_swapped(self, stage: "Stage", robot: Robot) -> None:
+        robot.report_battery(0.4)
+        robot.tick_and_get_outcome(robot.return_check)
         assert robot.search.display().phase.name == ""
-        robot.comes_home()
-        assert robot.answer(robot.waits) == "waiting"
-        assert robot.waits.status is Status.RUNNING
+        robot.reach_base()
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "waiting"
+        assert robot.charge_wait.status is Status.RUNNING
         assert robot.search.display().phase == MissionPhase("waiting", "for another battery", BASE_NAME)
-        robot.tells(0.95)
-        assert robot.answer(robot.waits) == "charged"
+        robot.report_battery(0.95)
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "charged"
         assert stage.lines == ["The battery is at 95%: the robot continues to zone_a."]
-        assert (robot.facts, robot.search.display().phase.name) == ([], "")
+        assert (robot.alarm_texts, robot.search.display().phase.name) == ([], "")
 
-    def test_a_battery_that_is_charged_a_little_does_not_suffice(self, robot: Robot) -> None:
-        robot.tells(0.3)
-        robot.answer(robot.asks)
-        robot.comes_home()
-        robot.tells(0.4)
-        assert robot.answer(robot.waits) == "waiting"
-        robot.tells(0.46)
-        assert robot.answer(robot.waits) == "charged"
+    def test_insufficient_charge_keeps_leaf_waiting(self, robot: Robot) -> None:
+        robot.report_battery(0.3)
+        robot.tick_and_get_outcome(robot.return_check)
+        robot.reach_base()
+        robot.report_battery(0.4)
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "waiting"
+        robot.report_battery(0.46)
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "charged"
 
-    def test_a_reserve_that_suffices_at_home_is_no_charge(self, robot: Robot) -> None:
-        robot.tells(0.5)
+    def test_sufficient_share_at_home_is_not_a_charge(self, robot: Robot) -> None:
+        robot.report_battery(0.5)
         robot.homing.place = {"x": -10.0, "y": 0.0, "yaw": 0.0}
-        robot.answer(robot.asks)
+        robot.tick_and_get_outcome(robot.return_check)
         robot.homing.place = {"x": 0.0, "y": 0.0, "yaw": 0.0}
-        robot.comes_home()
+        robot.reach_base()
         assert robot.homing.shortage() == ""
-        assert robot.answer(robot.waits) == "waiting"
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "waiting"
 
-    def test_its_patience_ends_with_the_reason_for_which_the_zones_are_given_up(
-        self, stage: "Stage", robot: Robot
-    ) -> None:
-        robot.tells(0.4)
-        robot.answer(robot.asks)
-        robot.comes_home()
-        assert robot.answer(robot.waits) == "waiting"
+    def test_leaf_fails_with_alarm_after_patience(self, stage: "Stage", robot: Robot) -> None:
+        robot.report_battery(0.4)
+        robot.tick_and_get_outcome(robot.return_check)
+        robot.reach_base()
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "waiting"
         robot.clock.advance(60.0)
-        assert robot.answer(robot.waits) == "waiting"
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "waiting"
         robot.clock.advance(1.0)
-        assert robot.answer(robot.waits) == "not charged"
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "not charged"
         assert robot.search.record.alarm == "the battery was not charged within 60 s at home"
         assert stage.warnings[-1] == "The battery was not charged within 60 s at home."
-        assert robot.facts == ["the battery was not charged within 60 s at home"]
+        assert robot.alarm_texts == ["the battery was not charged within 60 s at home"]
         assert robot.search.display().phase.name == ""
 
-    def test_away_from_home_there_is_nothing_to_wait_for(self, robot: Robot) -> None:
-        robot.tells(0.4)
-        robot.answer(robot.asks)
-        assert robot.answer(robot.waits) == "not charged"
+    def test_leaf_does_not_wait_away_from_home(self, robot: Robot) -> None:
+        robot.report_battery(0.4)
+        robot.tick_and_get_outcome(robot.return_check)
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "not charged"
 
-    def test_a_battery_that_was_swapped_on_the_way_home_counts(self, robot: Robot) -> None:
-        robot.tells(0.4)
-        robot.answer(robot.asks)
-        robot.tells(0.9)
-        robot.comes_home()
-        assert robot.answer(robot.waits) == "charged"
+    def test_battery_swapped_on_way_home_is_a_charge(self, robot: Robot) -> None:
+        robot.report_battery(0.4)
+        robot.tick_and_get_outcome(robot.return_check)
+        robot.report_battery(0.9)
+        robot.reach_base()
+        assert robot.tick_and_get_outcome(robot.charge_wait) == "charged"
 
 
-def searching() -> Search:
+def make_search() -> Search:
     return Search(ZoneManager([{"id": "zone_a", "x": 10.0, "y": 0.0, "yaw": 0.0}], BASE))
 
 
-def test_a_resumed_search_knows_why_the_robot_comes_home(tmp_path: Path) -> None:
-    first, second = searching(), searching()
+def test_resumed_search_knows_reason_for_return(tmp_path: Path) -> None:
+    first, second = make_search(), make_search()
     for search, resume in ((first, False), (second, True)):
         kept = open_journal(tmp_path / "search.journal", resume=resume)
         search.use_journal(kept)
@@ -318,40 +310,40 @@ def test_a_resumed_search_knows_why_the_robot_comes_home(tmp_path: Path) -> None
 
 
 @pytest.mark.ros
-def test_a_battery_that_was_swapped_while_no_run_was_there_ends_the_alarm(robot: Robot) -> None:
+def test_battery_swapped_between_runs_clears_alarm(robot: Robot) -> None:
     robot.search.record.home_first("zone_a", SHORT)
-    robot.tells(0.9)
-    assert robot.answer(robot.asks) == "in reach"
-    assert robot.facts == []
+    robot.report_battery(0.9)
+    assert robot.tick_and_get_outcome(robot.return_check) == "in reach"
+    assert robot.alarm_texts == []
 
 
-def test_a_charge_is_told_in_a_sentence() -> None:
-    search = searching()
-    told: list[str] = []
-    search.record.journal.add_listener(lambda fact: told.append(search.sentence(fact)))
+def test_charge_has_a_sentence() -> None:
+    search = make_search()
+    reported: list[str] = []
+    search.record.journal.add_listener(lambda fact: reported.append(search.sentence(fact)))
     search.record.record_charge(0.954321)
-    assert told == ["the battery suffices (95%)"]
+    assert reported == ["the battery suffices (95%)"]
 
 
-UNASKED = "no leg starts unless the battery suffices for the way home"
-# What the tree does before a leg, taken out, and what does not hold any more.
-NEEDED = {
-    "the question before each leg": (
+NO_UNCHECKED_LEG = "no leg starts unless the battery suffices for the way home"
+# Each safeguard before a leg: its text in the tree, the replacement, and the property that is then violated.
+SAFEGUARDS = {
+    "check before each leg": (
         '<ReturnInReach name="ReturnInReach?"/>',
         "<AlwaysSuccess/>",
-        UNASKED,
+        NO_UNCHECKED_LEG,
     ),
-    "the wait for a battery": (
+    "wait for a charge": (
         '<AwaitCharge patience="15min"/>',
         "",
-        UNASKED,
+        NO_UNCHECKED_LEG,
     ),
-    "the wait after the last failure too": (
+    "failure of the wait": (
         '<AwaitCharge patience="15min"/>',
         '<ForceSuccess><AwaitCharge patience="15min"/></ForceSuccess>',
         "after a negative check, no leg starts before the battery is charged",
     ),
-    "the drive to where it waits": (
+    "drive to charging place": (
         "<NavigateToCharge/>",
         "<AlwaysSuccess/>",
         "every leaf can run",
@@ -363,11 +355,13 @@ NEEDED = {
 @pytest.mark.parametrize(
     "tree", [TREE, pytest.param(SWEEPS, marks=pytest.mark.costly)], ids=lambda tree: tree.stem
 )
-@pytest.mark.parametrize(("old", "new", "question"), NEEDED.values(), ids=NEEDED)
-def test_the_tree_needs(tmp_path: Path, tree: Path, old: str, new: str, question: str) -> None:
+@pytest.mark.parametrize(("old", "new", "question"), SAFEGUARDS.values(), ids=SAFEGUARDS)
+def test_removing_safeguard_violates_property(
+    tmp_path: Path, tree: Path, old: str, new: str, question: str
+) -> None:
     text = TREE.read_text(encoding="utf-8")
     assert text.count(old) == 1
-    # Beside the trees that include it, and that it includes.
+    # The changed tree needs the other trees, which include it or are included by it.
     for shipped in TREE.parent.glob("*.xml"):
         (tmp_path / shipped.name).write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8")
     (tmp_path / TREE.name).write_text(text.replace(old, new), encoding="utf-8")
@@ -377,7 +371,7 @@ def test_the_tree_needs(tmp_path: Path, tree: Path, old: str, new: str, question
 
 
 @pytest.mark.unmeasured
-def test_a_sweep_needs_the_question_before_each_piece(tmp_path: Path) -> None:
+def test_removing_check_before_pieces_violates_property(tmp_path: Path) -> None:
     asked = '<SubTree ID="InReachOrCharge"/>'
     text = SWEEPS.read_text(encoding="utf-8")
     assert text.count(asked) == 1
@@ -386,7 +380,7 @@ def test_a_sweep_needs_the_question_before_each_piece(tmp_path: Path) -> None:
     (tmp_path / SWEEPS.name).write_text(text.replace(asked, ""), encoding="utf-8")
     properties = "config/search_sweeps_properties.yaml"
     output = verify(tmp_path / SWEEPS.name, "--set", "zones_left=1", "--properties", properties)[1]
-    assert broken(output) == {UNASKED}
+    assert broken(output) == {NO_UNCHECKED_LEG}
 
 
 ONE_PASS: Any = {
@@ -396,7 +390,7 @@ ONE_PASS: Any = {
 }
 
 
-def test_a_sweep_goes_on_with_the_same_piece_after_a_charge() -> None:
+def test_sweep_resumes_same_piece_after_charge() -> None:
     run = simulate(SWEEPS, **ONE_PASS, ReturnInReach=["in reach", "out of reach", "in reach"])
     run.run_to_end().expect(
         order=[
@@ -411,7 +405,7 @@ def test_a_sweep_goes_on_with_the_same_piece_after_a_charge() -> None:
     )
 
 
-def test_a_piece_for_which_no_battery_suffices_is_left_out_without_a_drive() -> None:
+def test_piece_beyond_full_battery_is_skipped_without_drive() -> None:
     run = simulate(SWEEPS, **ONE_PASS, FullBatterySuffices=["too far", "suffices"]).run_to_end()
     run.expect(
         order=["SkipPiece skipped", "NavigateToPiece starts"],
@@ -419,7 +413,7 @@ def test_a_piece_for_which_no_battery_suffices_is_left_out_without_a_drive() -> 
     )
 
 
-def test_where_no_battery_comes_a_sweep_ends_at_home() -> None:
+def test_sweep_without_charge_ends_at_home() -> None:
     run = simulate(SWEEPS, ReturnInReach="out of reach", AwaitCharge="not charged").run_to_end()
     run.expect(
         order=["AwaitCharge not charged", "AbandonZones abandoned", "NavigateToBase arrived"],
@@ -428,7 +422,7 @@ def test_where_no_battery_comes_a_sweep_ends_at_home() -> None:
     )
 
 
-def test_where_no_battery_comes_the_zones_that_are_left_are_given_up_and_the_mission_ends_at_home() -> None:
+def test_mission_without_charge_abandons_zones_and_ends_at_home() -> None:
     run = simulate(TREE, ReturnInReach="out of reach", AwaitCharge="not charged")
     run.run_to_end().expect(
         order=[
@@ -442,19 +436,19 @@ def test_where_no_battery_comes_the_zones_that_are_left_are_given_up_and_the_mis
     )
 
 
-def test_a_zone_for_which_no_battery_suffices_is_come_back_to_and_abandoned_without_a_drive() -> None:
+def test_zone_beyond_full_battery_is_retried_and_abandoned_without_drive() -> None:
     run = simulate(TREE, FullBatterySuffices="too far").run_to_end()
     run.expect(count={"PostponeZone postponed": 6, "AbandonZone abandoned": 3, "NavigateToZone starts": 0})
 
 
 @pytest.mark.unmeasured
-def test_the_shipped_tree_is_proved_to_begin_no_leg_that_would_hurt_the_reserve() -> None:
+def test_shipped_tree_is_proved_to_start_no_leg_beyond_reserve() -> None:
     status, output = verify(TREE, "--set", "zones_left=2")
     assert (status, broken(output)) == (0, set())
     assert output.count("no leg starts") == 3
 
 
-def test_its_properties_are_those_of_the_mission_but_for_coming_home() -> None:
+def test_search_areas_properties_match_mission_except_return() -> None:
     mission, areas = (
         yaml.safe_load(Path(f"config/{name}_properties.yaml").read_text(encoding="utf-8"))
         for name in ("mission", "search_areas")

@@ -1,4 +1,4 @@
-"""What coming home takes: its parameters, the next leg, and how far the robot can still go on."""
+"""Tests of return estimates: parameters, the next leg, and the point of no return."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ def pose(x: float) -> MapPose:
 
 
 def homing(share: float | None = 0.5, **options: Any) -> HomingEstimator:
-    """Return what coming home takes with zones 10 and 20 m away, where a metre takes 1 % and the time nothing to speak of."""
+    """Return an estimator with zones 10 and 20 m away, where a metre takes 1 % and time takes almost nothing."""
     zones = [{"id": "a", **pose(10.0)}, {"id": "b", **pose(20.0)}]
     areas = {"a": SearchExpectation(0.5, 0.5, 8.0), "b": SearchExpectation(0.5, 0.5, 0.0)}
     energy = EnergyModel(ConsumptionRates(0.01, 1e-9), wrong_by=0.0)
@@ -31,7 +31,7 @@ def homing(share: float | None = 0.5, **options: Any) -> HomingEstimator:
     return made
 
 
-def begun(**energy: object) -> HomingEstimator:
+def homing_from_parameters(**energy: object) -> HomingEstimator:
     given = {"zone_order": ["a"], "zones.a.x": 1.0, "zones.a.y": 0.0, "zones.a.yaw": 0.0}
     reader = ParameterReader({**given, **{f"energy.{name}": value for name, value in energy.items()}})
     search = MISSION.begin(reader)
@@ -41,14 +41,14 @@ def begun(**energy: object) -> HomingEstimator:
     return found
 
 
-def test_the_parameters_say_what_a_robot_uses_and_what_is_to_be_left() -> None:
-    made = begun(per_m=0.002, per_sec=0.001, wrong_by=0.5, reserve=0.3)
+def test_energy_parameters_set_rates_and_reserve() -> None:
+    made = homing_from_parameters(per_m=0.002, per_sec=0.001, wrong_by=0.5, reserve=0.3)
     assert (made.energy.prior, made.energy.wrong_by, made.reserve) == (
         ConsumptionRates(0.002, 0.001),
         0.5,
         0.3,
     )
-    plain = begun()
+    plain = homing_from_parameters()
     assert (plain.energy.prior, plain.energy.wrong_by, plain.reserve) == (PRIOR, 0.25, RESERVE)
 
 
@@ -67,23 +67,23 @@ def test_the_parameters_say_what_a_robot_uses_and_what_is_to_be_left() -> None:
         ({"reserve": "much"}, "energy.reserve: must be a number"),
     ],
 )
-def test_each_mistake_in_them_is_named_before_the_flight(given: dict[str, Any], said: str) -> None:
+def test_energy_parameter_error_is_reported_before_run(given: dict[str, Any], said: str) -> None:
     with pytest.raises(ParameterError) as refused:
-        begun(**given)
+        homing_from_parameters(**given)
     assert said in str(refused.value)
 
 
-def test_a_leg_is_the_way_out_the_look_and_the_way_home() -> None:
+def test_leg_includes_outward_path_search_and_return() -> None:
     made = homing()
-    # Ways are straight lines times 1.5.
+    # Paths are 1.5 times the straight line.
     assert made.leg() == TripEstimate(30.0, 30.0 / 0.5 + 8.0)
     made.place = pose(-10.0)
     assert made.leg() == TripEstimate(45.0, 45.0 / 0.5 + 8.0)
     assert made.home() == TripEstimate(15.0, 30.0)
 
 
-def sweeping(**options: Any) -> tuple[HomingEstimator, SweepStates]:
-    """Return what coming home takes in a sweep of zone a: of four pieces, 5 to 8 m away."""
+def homing_in_sweep(**options: Any) -> tuple[HomingEstimator, SweepStates]:
+    """Return an estimator in a sweep of zone a with four pieces, 5 to 8 m away."""
     sweeps = SweepStates({"a": Ground(((5.0, 0.0), (9.0, 0.0), (9.0, 1.0)), 1.0, 1.0)})
     made = homing(sweeps=sweeps, **options)
     Search(made.zones, homing=made, sweeps=sweeps)
@@ -91,8 +91,8 @@ def sweeping(**options: Any) -> tuple[HomingEstimator, SweepStates]:
     return made, sweeps
 
 
-def test_in_a_sweep_a_leg_goes_to_the_open_piece_and_a_look_is_a_piece_s_share_of_the_zone_s() -> None:
-    made, sweeps = sweeping()
+def test_leg_of_sweep_goes_to_open_piece_with_share_of_search_time() -> None:
+    made, sweeps = homing_in_sweep()
     assert made.leg() == TripEstimate(15.0, 15.0 / 0.5 + 2.0)
     sweeps.finish_piece("a", None, 0.5)
     assert made.leg().metres == pytest.approx(1.5 * (1.0 + 6.0))
@@ -102,21 +102,21 @@ def test_in_a_sweep_a_leg_goes_to_the_open_piece_and_a_look_is_a_piece_s_share_o
     assert made.leg().metres == pytest.approx(1.5 * (5.0 + 10.0))
 
 
-def test_what_a_piece_lacks_is_told_with_its_number() -> None:
-    made, _ = sweeping(share=0.2)
+def test_shortage_for_piece_names_its_number() -> None:
+    made, _ = homing_in_sweep(share=0.2)
     assert made.shortage().startswith(
         "piece 1/4 of a needs 15% of a full battery (15 m, 32 s), but the battery is at 20%"
     )
     made.ends_at = 20.0
     assert made.late(0.0).startswith("piece 1/4 of a and the way home need 32 s")
-    far, _ = sweeping(reserve=0.9)
+    far, _ = homing_in_sweep(reserve=0.9)
     assert far.excess().startswith(
         "piece 1/4 of a needs 15% of a full battery from home and back (15 m, 32 s)"
     )
 
 
-def test_the_ways_of_a_leg_are_those_to_its_piece_and_forgotten_when_one_was_not_reached() -> None:
-    made, sweeps = sweeping()
+def test_skipping_piece_discards_its_planned_path() -> None:
+    made, sweeps = homing_in_sweep()
     ways = made.required_paths()
     assert [(start["x"], end["x"]) for start, end in ways] == [(0.0, 5.0)]
     made.zones.store_path_length(*ways[0], 40.0)
@@ -125,7 +125,7 @@ def test_the_ways_of_a_leg_are_those_to_its_piece_and_forgotten_when_one_was_not
     assert not made.zones.has_path_length(*ways[0])
 
 
-def test_behind_a_failsafe_the_reserve_counts_above_its_limit() -> None:
+def test_reserve_is_added_to_failsafe_limit() -> None:
     made = homing(share=0.64)
     assert made.shortage() == ""
     made.ends_below = 0.2
@@ -139,7 +139,7 @@ def test_behind_a_failsafe_the_reserve_counts_above_its_limit() -> None:
     assert made.excess().endswith("only 55% is available above the reserve")
 
 
-def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last() -> None:
+def test_robot_without_pose_is_assumed_at_last_searched_zone() -> None:
     search = Search(ZoneManager([{"id": "a", **pose(10.0)}], BASE))
     found = search.context[HomingEstimator]
     assert isinstance(found, HomingEstimator)
@@ -150,7 +150,7 @@ def test_where_nobody_has_said_where_the_robot_is_it_is_where_it_has_looked_last
     assert found.home().metres == 0.0
 
 
-def test_near_where_it_has_looked_a_planner_s_ways_count() -> None:
+def test_planned_path_is_used_near_its_start() -> None:
     made = homing()
     zones = made.zones
     zones.store_path_length(BASE, zones.current_zone(), 40.0)
@@ -162,7 +162,7 @@ def test_near_where_it_has_looked_a_planner_s_ways_count() -> None:
     assert made.leg().metres == pytest.approx(1.5 * 8.5 + 40.0)
 
 
-def test_what_a_leg_lacks_is_told_with_figures() -> None:
+def test_shortage_for_leg_states_figures() -> None:
     assert homing(share=0.46).shortage() == ""
     assert (
         homing(share=0.44).shortage()
@@ -171,18 +171,18 @@ def test_what_a_leg_lacks_is_told_with_figures() -> None:
     assert homing(share=0.44, reserve=0.1).shortage() == ""
 
 
-def test_a_robot_that_is_not_asked_shows_nothing_of_it() -> None:
+def test_figures_are_empty_if_unused_or_without_battery_reading() -> None:
     assert homing().figures() == []
     silent = homing(share=None)
     silent.is_asked = True
     assert silent.figures() == []
 
 
-def test_the_point_of_no_return_is_where_the_robot_only_just_comes_home() -> None:
+def test_point_of_no_return_leaves_reserve_at_home() -> None:
     made = homing(share=0.55)
     made.place = pose(10.0)
     made.is_asked = True
-    # 15 m home; of 55 % the reserve and the way home leave 25 %: 12.5 m away and back.
+    # Home is 15 m away. Reserve and way home leave 25 % of 55 %: 12.5 m away and back.
     assert [each.text.rpartition(" ")[0] for each in made.figures()[:2]] == [
         "battery for the way home 15",
         "metres to the point of no return 12",
@@ -192,7 +192,7 @@ def test_the_point_of_no_return_is_where_the_robot_only_just_comes_home() -> Non
     assert [each.value for each in made.figures()[1:]] == [0, 0]
 
 
-def test_a_search_shows_it_where_it_is_asked() -> None:
+def test_search_displays_return_figures_if_used() -> None:
     plan = ZoneManager([{"id": "a", **pose(10.0)}], BASE)
     made = HomingEstimator(plan)
     search = Search(plan, homing=made)

@@ -1,4 +1,4 @@
-"""Reports that are kept."""
+"""Tests of stored reports."""
 
 import pytest
 
@@ -30,21 +30,19 @@ def kept(search: Search) -> StoredReports:
     return search.kept
 
 
-def test_reports_come_in_the_order_in_which_they_were_kept(
-    record: MissionRecord, kept: StoredReports
-) -> None:
+def test_stored_reports_keep_their_order(record: MissionRecord, kept: StoredReports) -> None:
     record.report_kept(SECOND)
     record.report_kept(FIRST)
     assert list(kept) == [SECOND, FIRST]
 
 
-def test_there_is_one_report_for_each_survivor(record: MissionRecord, kept: StoredReports) -> None:
+def test_each_survivor_has_one_stored_report(record: MissionRecord, kept: StoredReports) -> None:
     record.report_kept(FIRST)
     record.report_kept(FIRST)
     assert len(kept) == 1
 
 
-def test_a_report_that_is_acknowledged_is_kept_no_more(record: MissionRecord, kept: StoredReports) -> None:
+def test_acknowledged_report_is_removed(record: MissionRecord, kept: StoredReports) -> None:
     record.report_kept(FIRST)
     record.report_kept(SECOND)
     record.record_acknowledgement("survivor_1")
@@ -56,7 +54,7 @@ def test_a_report_that_is_acknowledged_is_kept_no_more(record: MissionRecord, ke
     ("standing", "left"),
     [(DetectionVerdict.CONFIRMED, [FIRST]), (DetectionVerdict.REJECTED, []), (DetectionVerdict.MERGED, [])],
 )
-def test_the_report_of_who_is_nobody_new_is_kept_no_more(
+def test_report_of_rejected_or_merged_survivor_is_removed(
     record: MissionRecord, kept: StoredReports, standing: DetectionVerdict, left: list[SurvivorReport]
 ) -> None:
     record.report_kept(FIRST)
@@ -64,9 +62,7 @@ def test_the_report_of_who_is_nobody_new_is_kept_no_more(
     assert list(kept) == left
 
 
-def test_reports_can_be_acknowledged_while_they_are_gone_through(
-    record: MissionRecord, kept: StoredReports
-) -> None:
+def test_reports_can_be_acknowledged_during_iteration(record: MissionRecord, kept: StoredReports) -> None:
     record.report_kept(FIRST)
     record.report_kept(SECOND)
     for report in kept:
@@ -74,6 +70,6 @@ def test_reports_can_be_acknowledged_while_they_are_gone_through(
     assert not kept
 
 
-def test_a_tree_can_be_looked_at_without_a_mission() -> None:
+def test_stored_reports_have_a_preview() -> None:
     assert is_mission_context(StoredReports)
     assert isinstance(preview_of(StoredReports), StoredReports)

@@ -1,4 +1,4 @@
-"""The conditions."""
+"""Tests of the conditions of the mission."""
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -16,7 +16,7 @@ from search_and_rescue.zone_manager import ZoneManager
 ZONES = ZoneManager([{"id": "zone_a", "x": 0, "y": 0, "yaw": 0}], {"x": 0, "y": 0, "yaw": 0})
 
 
-def ticked(leaf: Behaviour) -> Status:
+def tick(leaf: Behaviour) -> Status:
     leaf.tick_once()
     return leaf.status
 
@@ -24,9 +24,9 @@ def ticked(leaf: Behaviour) -> Status:
 def test_zones_remain_until_the_last_one_is_visited() -> None:
     zones = ZoneManager([{"id": "zone_a", "x": 0, "y": 0, "yaw": 0}], {"x": 0, "y": 0, "yaw": 0})
     leaf = ZonesRemaining("ZonesRemaining?", zones)
-    assert ticked(leaf) is Status.SUCCESS
+    assert tick(leaf) is Status.SUCCESS
     zones.select_next_zone()
-    assert ticked(leaf) is Status.FAILURE
+    assert tick(leaf) is Status.FAILURE
     assert leaf.feedback_message == "1 of 1 zones visited"
 
 
@@ -36,15 +36,15 @@ def test_a_survivor_is_detected_if_the_search_found_one(
 ) -> None:
     detect = DetectSurvivor("DetectSurvivor", ZONES)
     detect._pose = pose
-    assert ticked(IsSurvivorDetected("IsSurvivorDetected?", detect)) is status
+    assert tick(IsSurvivorDetected("IsSurvivorDetected?", detect)) is status
 
 
 def test_a_mission_is_complete_once_nothing_is_missing() -> None:
     zones = ZoneManager([], {"x": 0, "y": 0, "yaw": 0})
     record = MissionRecord()
     leaf = MissionComplete("MissionComplete?", record, zones)
-    assert ticked(leaf) is Status.FAILURE
+    assert tick(leaf) is Status.FAILURE
     assert leaf.feedback_message == "The robot did not return to the base station."
     record.base_reached()
-    assert ticked(leaf) is Status.SUCCESS
+    assert tick(leaf) is Status.SUCCESS
     assert leaf.feedback_message == ""

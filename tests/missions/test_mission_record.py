@@ -1,4 +1,4 @@
-"""The record of a mission."""
+"""Tests of the record of a mission."""
 
 import pytest
 
@@ -40,7 +40,7 @@ def visit_everything(record: MissionRecord, zones: ZoneManager) -> None:
         zones.select_next_zone()
 
 
-def test_a_mission_with_everything_done_is_complete(record: MissionRecord, zones: ZoneManager) -> None:
+def test_finished_mission_has_no_shortfalls(record: MissionRecord, zones: ZoneManager) -> None:
     visit_everything(record, zones)
     record.zone_searched("zone_b", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
@@ -52,7 +52,7 @@ def test_a_mission_with_everything_done_is_complete(record: MissionRecord, zones
     assert record.home
 
 
-def test_what_is_missing_is_said_in_sentences(record: MissionRecord, zones: ZoneManager) -> None:
+def test_shortfalls_are_sentences(record: MissionRecord, zones: ZoneManager) -> None:
     zones.select_next_zone()
     record.zone_searched("zone_a", (-2.5, 3.2))
     record.survivor_named("survivor_1", -2.5, 3.2)
@@ -65,9 +65,7 @@ def test_what_is_missing_is_said_in_sentences(record: MissionRecord, zones: Zone
     ]
 
 
-def test_an_abandoned_zone_is_missing_whatever_else_is_done(
-    record: MissionRecord, zones: ZoneManager
-) -> None:
+def test_abandoned_zone_is_a_shortfall(record: MissionRecord, zones: ZoneManager) -> None:
     zones.abandon()
     visit_everything(record, zones)
     record.base_reached()
@@ -75,7 +73,7 @@ def test_an_abandoned_zone_is_missing_whatever_else_is_done(
     assert record.shortfalls(zones) == ["zone_a was abandoned after attempt 1."]
 
 
-def test_zones_of_which_the_same_is_missing_share_a_sentence() -> None:
+def test_zones_with_same_shortfall_share_a_sentence() -> None:
     plan = [{"id": f"zone_{letter}", "x": 0, "y": 0, "yaw": 0} for letter in "abcdef"]
     search = Search(ZoneManager(plan, {"x": 0, "y": 0, "yaw": 0}))
     search.zones.abandon("the operator has skipped it")
@@ -88,7 +86,7 @@ def test_zones_of_which_the_same_is_missing_share_a_sentence() -> None:
     ]
 
 
-def test_a_report_is_kept_until_it_is_acknowledged(record: MissionRecord) -> None:
+def test_report_is_stored_until_acknowledged(record: MissionRecord) -> None:
     record.zone_searched("zone_a", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
     record.report_kept(SurvivorReport("survivor_1", 1.0, 2.0))
@@ -98,13 +96,13 @@ def test_a_report_is_kept_until_it_is_acknowledged(record: MissionRecord) -> Non
     assert record.survivors[0].acknowledged
 
 
-def test_leaving_for_a_zone_is_leaving_home(record: MissionRecord) -> None:
+def test_start_of_zone_ends_being_home(record: MissionRecord) -> None:
     record.base_reached()
     record.zone_started("zone_a")
     assert not record.home
 
 
-def test_a_survivor_found_again_at_the_same_place_is_the_same(record: MissionRecord) -> None:
+def test_survivor_found_again_at_same_position_is_the_same(record: MissionRecord) -> None:
     record.zone_searched("zone_a", (1.0, 2.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
     record.zone_searched("zone_a", (1.0, 2.0))
@@ -113,30 +111,30 @@ def test_a_survivor_found_again_at_the_same_place_is_the_same(record: MissionRec
     assert record.survivors == (FoundSurvivor("zone_a", 1.0, 2.0, "survivor_2", acknowledged=True),)
 
 
-def test_a_name_goes_to_the_survivor_at_its_place(record: MissionRecord) -> None:
+def test_name_goes_to_survivor_at_its_position(record: MissionRecord) -> None:
     record.zone_searched("zone_a", (1.0, 2.0))
     record.zone_searched("zone_b", (3.0, 4.0))
     record.survivor_named("survivor_1", 1.0, 2.0)
     assert [survivor.survivor_id for survivor in record.survivors] == ["survivor_1", None]
 
 
-def test_a_survivor_who_is_named_but_was_not_seen_found_counts(record: MissionRecord) -> None:
+def test_named_survivor_without_search_is_recorded(record: MissionRecord) -> None:
     record.survivor_named("survivor_1", 1.0, 2.0)
     assert str(record.survivors[0]) == "survivor_1 at (1.00, 2.00)"
 
 
-def test_an_acknowledgement_of_somebody_unknown_changes_nothing(record: MissionRecord) -> None:
+def test_acknowledgement_of_unknown_survivor_changes_nothing(record: MissionRecord) -> None:
     record.zone_searched("zone_a", (1.0, 2.0))
     record.record_acknowledgement("survivor_9")
     assert not record.survivors[0].acknowledged
 
 
-def test_a_tree_can_be_looked_at_without_a_mission() -> None:
+def test_mission_record_has_a_preview() -> None:
     assert isinstance(preview_of(MissionRecord), MissionRecord)
 
 
-def found_after(journal: Journal, search: Search, seconds: float) -> None:
-    """Let a search begin at second 50 of its clock, and find somebody so many seconds later."""
+def detect_survivor_after(journal: Journal, search: Search, seconds: float) -> None:
+    """Begin a search at 50 s of its clock, and detect a survivor the given number of seconds later."""
     journal.clock = clock = ManualClock()
     search.use_journal(journal)
     clock.advance(50.0)
@@ -145,21 +143,21 @@ def found_after(journal: Journal, search: Search, seconds: float) -> None:
     search.record.zone_searched("zone_a", (1.0, 2.0))
 
 
-def test_the_first_find_is_counted_from_the_beginning_of_the_mission(search: Search) -> None:
+def test_first_detection_is_timed_from_mission_start(search: Search) -> None:
     assert search.record.first_detection_sec is None
-    found_after(Journal(), search, 12.5)
+    detect_survivor_after(Journal(), search, 12.5)
     search.record.zone_searched("zone_b", (3.0, 4.0))
     assert search.record.first_detection_sec == 12.5
 
 
-def test_who_was_no_survivor_was_no_first_find(search: Search) -> None:
-    found_after(Journal(), search, 12.5)
+def test_rejected_survivor_is_not_the_first_detection(search: Search) -> None:
+    detect_survivor_after(Journal(), search, 12.5)
     search.record.survivor_named("survivor_1", 1.0, 2.0)
     search.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
     assert search.record.first_detection_sec is None
 
 
-def test_a_find_of_a_later_run_is_counted_by_the_clock_of_the_wall(search: Search) -> None:
+def test_detection_in_later_run_is_timed_by_wall_clock(search: Search) -> None:
     for number, kind, run, wall, data in (
         (1, "run_began", 1, 1000.0, {}),
         (2, "run_ended", 1, 1030.0, {}),
@@ -170,17 +168,17 @@ def test_a_find_of_a_later_run_is_counted_by_the_clock_of_the_wall(search: Searc
     assert search.record.first_detection_sec == 100.0
 
 
-def test_only_a_search_with_probabilities_shows_when_somebody_was_found_first() -> None:
+def test_first_detection_is_displayed_only_with_probabilities() -> None:
     shown = {}
     for name, areas in (("without", {}), ("with", {"zone_a": SearchExpectation(0.5, 0.8)})):
         plan = [{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}]
         search = Search(ZoneManager(plan, {"x": 0.0, "y": 0.0, "yaw": 0.0}, areas=areas))
-        found_after(Journal(), search, 12.5)
+        detect_survivor_after(Journal(), search, 12.5)
         shown[name] = [each.text for each in search.display().figures if "first" in each.name]
     assert shown == {"without": [], "with": ["first detection after 12.5 s"]}
 
 
-def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept_and_what_it_has_seen() -> None:
+def test_swept_distance_and_seen_area_are_displayed_only_with_polygon() -> None:
     plan = [{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}]
     ground = Ground(((0.0, 0.0), (8.0, 0.0), (8.0, 8.0)), sweep_width=4.0, detection_range=2.5)
     sweeps = SweepStates({"zone_a": ground})
@@ -193,7 +191,7 @@ def test_only_a_search_with_outlines_shows_how_far_the_robot_has_swept_and_what_
     assert shown[0] == [*shown[1], "swept 3 m", "seen 21 of 31 m²"]
 
 
-def test_a_report_that_had_to_be_sent_again_is_a_task_of_a_person_until_it_is_acknowledged() -> None:
+def test_resent_report_is_an_operator_task_until_acknowledged() -> None:
     search = Search(
         ZoneManager([{"id": "zone_a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
     )

@@ -1,4 +1,4 @@
-"""Setting the leaves up, shutting them down, and the small leaves in between."""
+"""Tests of setup and shutdown of the leaves, and of AdvanceZone and LogNoDetection."""
 
 import subprocess
 import sys
@@ -54,7 +54,7 @@ def leaves_with_a_node() -> list[py_trees.behaviour.Behaviour]:
     ]
 
 
-def test_the_leaves_can_be_imported_and_built_without_ros() -> None:
+def test_leaves_can_be_imported_and_built_without_ros() -> None:
     program = (
         "import sys; sys.modules['rclpy'] = None\n"
         "from search_and_rescue.actions.navigation import NavigateToZone\n"
@@ -65,8 +65,8 @@ def test_the_leaves_can_be_imported_and_built_without_ros() -> None:
 
 
 @pytest.mark.parametrize("leaf", leaves_with_a_node(), ids=lambda leaf: leaf.name)
-class TestWithoutANode:
-    def test_setup_says_what_is_missing(self, leaf: py_trees.behaviour.Behaviour) -> None:
+class TestWithoutNode:
+    def test_setup_without_node_raises_missing_node_error(self, leaf: py_trees.behaviour.Behaviour) -> None:
         with pytest.raises(
             MissingNodeError, match=f"'{leaf.name}' .* no ROS node. Pass an rclpy node"
         ) as error:
@@ -75,25 +75,21 @@ class TestWithoutANode:
         assert isinstance(error.value, SarError)
         assert error.value.leaf_name == leaf.name
 
-    def test_ticking_before_the_setup_is_an_error_that_says_so(
-        self, leaf: py_trees.behaviour.Behaviour
-    ) -> None:
+    def test_tick_before_setup_raises_missing_node_error(self, leaf: py_trees.behaviour.Behaviour) -> None:
         with pytest.raises(MissingNodeError, match=leaf.name):
             leaf.tick_once()
 
-    def test_shutting_down_what_was_never_set_up_is_harmless(
-        self, leaf: py_trees.behaviour.Behaviour
-    ) -> None:
+    def test_shutdown_before_setup_is_harmless(self, leaf: py_trees.behaviour.Behaviour) -> None:
         leaf.shutdown()
 
 
-def test_the_drives_can_be_waited_for() -> None:
+def test_drives_are_settling_leaves() -> None:
     assert isinstance(NavigateToZone("NavigateToZone", one_zone()), SettlingLeaf)
     assert NavigateToBase("NavigateToBase", one_zone()).is_settled()
 
 
 class TestAdvanceZone:
-    def test_it_moves_on_notes_the_visit_and_wakes_the_tree(self) -> None:
+    def test_advance_records_visit_and_wakes_tree(self) -> None:
         search, wakes = Search(one_zone()), []
         zones, record = search.zones, search.record
         leaf = AdvanceZone("AdvanceZone", zones)
@@ -104,7 +100,7 @@ class TestAdvanceZone:
         assert record.zones_visited == ("zone_a",)
         assert wakes == ["wake"]
 
-    def test_past_the_last_zone_it_succeeds_and_wakes_nobody(self) -> None:
+    def test_advance_after_last_zone_succeeds_without_wake(self) -> None:
         wakes: list[str] = []
         leaf = AdvanceZone("AdvanceZone", ZoneManager([], BASE))
         leaf.setup(node=object(), wake=lambda: wakes.append("wake"))
@@ -112,7 +108,7 @@ class TestAdvanceZone:
         assert leaf.status is Status.SUCCESS
         assert wakes == []
 
-    def test_it_works_without_anything_to_wake(self) -> None:
+    def test_advance_works_without_wake_callback(self) -> None:
         zones = one_zone()
         leaf = AdvanceZone("AdvanceZone", zones)
         leaf.setup(node=object())
@@ -122,11 +118,11 @@ class TestAdvanceZone:
 
 @pytest.mark.ros
 class TestLogNoDetection:
-    def test_it_names_the_zone(self, stage: "Stage") -> None:
+    def test_message_names_zone(self, stage: "Stage") -> None:
         assert stage.run(stage.take(LogNoDetection("LogNoDetection", stage.zones))) is Status.SUCCESS
         assert stage.lines == ["No survivor found at zone_a."]
 
-    def test_who_was_found_there_all_the_same_is_named_for_the_operator(self, stage: "Stage") -> None:
+    def test_earlier_unacknowledged_survivor_is_noted_for_operator(self, stage: "Stage") -> None:
         record = MissionRecord()
         for zone, name in (("zone_a", "survivor_1"), ("zone_b", "survivor_2")):
             record.zone_searched(zone, (1.0, 2.0))
@@ -137,11 +133,11 @@ class TestLogNoDetection:
         said = "survivor_1 in zone_a at (1.00, 2.00) was found, and base has not acknowledged it"
         assert stage.warnings == [f"Note for the operator: {said}."]
 
-    def test_without_zones_it_names_none(self, stage: "Stage") -> None:
+    def test_message_without_zone_manager_names_no_zone(self, stage: "Stage") -> None:
         assert stage.run(stage.take(LogNoDetection("LogNoDetection"))) is Status.SUCCESS
         assert stage.lines == ["No survivor found."]
 
-    def test_past_the_last_zone_it_names_none(self, stage: "Stage") -> None:
+    def test_message_after_last_zone_names_no_zone(self, stage: "Stage") -> None:
         assert (
             stage.run(stage.take(LogNoDetection("LogNoDetection", ZoneManager([], BASE)))) is Status.SUCCESS
         )
@@ -149,8 +145,8 @@ class TestLogNoDetection:
 
 
 @pytest.mark.ros
-class TestShuttingDown:
-    def test_leaves_survive_a_context_that_is_shut_down_under_them(self, mortal_stage: "Stage") -> None:
+class TestShutdown:
+    def test_leaves_survive_shutdown_of_context(self, mortal_stage: "Stage") -> None:
         stage = mortal_stage
         server = stage.nav_server()
         drive = stage.take(NavigateToZone("NavigateToZone", stage.zones, feedback_timeout_sec=0.0))
@@ -166,7 +162,7 @@ class TestShuttingDown:
             leaf.shutdown()
         assert not drive.is_settled(), "nobody has seen the goal's end"
 
-    def test_a_drive_that_was_not_accepted_survives_it_too(self, mortal_stage: "Stage") -> None:
+    def test_unaccepted_drive_survives_shutdown_of_context(self, mortal_stage: "Stage") -> None:
         stage = mortal_stage
         server = stage.nav_server()
         server.accept_after = 0.1
@@ -177,7 +173,7 @@ class TestShuttingDown:
         assert not drive.is_settled()
         drive.shutdown()
 
-    def test_leaves_survive_a_node_that_is_destroyed_before_them(self, stage: "Stage") -> None:
+    def test_leaves_survive_destroyed_node(self, stage: "Stage") -> None:
         leaves = [stage.take(leaf) for leaf in leaves_with_a_node()]
         stage.node.destroy_node()
         for leaf in leaves:

@@ -1,4 +1,4 @@
-"""Nav2's codes in words."""
+"""Tests of the descriptions of Nav2's status and error codes."""
 
 from types import SimpleNamespace
 
@@ -26,20 +26,20 @@ from search_and_rescue.actions.navigation import describe_end
         (2, 0, "not finished (status 2)"),
     ],
 )
-def test_a_failure_is_put_into_words(status: int, code: int, words: str) -> None:
+def test_failure_is_described_in_words(status: int, code: int, words: str) -> None:
     assert words in describe_end(status, SimpleNamespace(error_code=code))
 
 
-def test_what_the_server_says_goes_before_the_table() -> None:
+def test_message_of_server_replaces_table_entry() -> None:
     result = SimpleNamespace(error_code=208, error_msg="the door is shut")
     assert describe_end(6, result).endswith("error code 208: the door is shut")
 
 
-def test_a_result_of_an_older_version_has_no_code() -> None:
+def test_result_of_older_version_has_no_code() -> None:
     assert "error code 0" in describe_end(6, SimpleNamespace())
 
 
-def test_what_nav2_has_logged_is_quoted() -> None:
+def test_nav2_log_line_is_quoted_without_server_message() -> None:
     said = 'bt_navigator: "Initial robot pose is not available."'
     described = describe_end(6, SimpleNamespace(error_code=0), said)
     assert described.endswith(f"error code 0: no code ({said})")

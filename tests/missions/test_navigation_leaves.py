@@ -1,4 +1,4 @@
-"""NavigateToZone and NavigateToBase against a scripted action server."""
+"""Tests of NavigateToZone and NavigateToBase with a scripted action server."""
 
 import gc
 import math
@@ -32,10 +32,10 @@ def drive_home(stage: "Stage", **options: Any) -> NavigateToBase:
     return stage.take(NavigateToBase("NavigateToBase", stage.zones, record=stage.record, **options))
 
 
-def under_way(
+def tick_until_accepted(
     stage: "Stage", leaf: NavigateToZone | NavigateToBase, server: "NavServer", goals: int = 1
 ) -> None:
-    """Tick until the leaf knows that the server has its goal."""
+    """Tick until the leaf knows that the server has accepted its goal."""
     wakes = stage.wakes
     stage.tick_until(
         leaf, lambda: stage.wakes > wakes and len(server.goals) == goals, f"acceptance of goal {goals}"
@@ -43,7 +43,7 @@ def under_way(
     assert leaf.status is Status.RUNNING
 
 
-def results_awaited(leaf: NavigateToZone) -> int:
+def pending_results(leaf: NavigateToZone) -> int:
     assert leaf._port is not None
     return len(leaf._port.prober._pending_requests)
 
@@ -56,28 +56,26 @@ def visit_every_zone(stage: "Stage") -> None:
 @pytest.mark.parametrize(
     "spec", [spec for spec in SPECS if spec.tag.startswith("Navigate")], ids=lambda spec: spec.tag
 )
-def test_whatever_drives_the_robot_needs_nav2(spec: Any) -> None:
+def test_every_navigation_leaf_uses_nav2(spec: Any) -> None:
     assert Use.nav2() in spec.uses
 
 
-class TestTheGoal:
-    def test_the_current_zone_is_sent_in_the_frame_map_with_its_yaw_as_a_turn_about_z(
-        self, stage: "Stage"
-    ) -> None:
+class TestGoal:
+    def test_current_zone_is_sent_in_map_frame_with_yaw_as_quaternion(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         half = 1.57 / 2
         assert server.goals[0].pose == pytest.approx(("map", -3.0, 3.0, math.sin(half), math.cos(half)))
         assert server.goals[0].goal.behavior_tree == ""
 
-    def test_home_is_the_base_station(self, stage: "Stage") -> None:
+    def test_home_goal_is_base_station(self, stage: "Stage") -> None:
         server = stage.nav_server()
-        under_way(stage, drive_home(stage), server)
+        tick_until_accepted(stage, drive_home(stage), server)
         half = 3.14 / 2
         assert server.goals[0].pose == pytest.approx(("map", 0.5, -0.25, math.sin(half), math.cos(half)))
 
-    def test_one_activation_sends_one_goal_however_often_it_is_ticked(self, stage: "Stage") -> None:
+    def test_activation_sends_one_goal(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["feedback"]
         leaf = drive(stage)
@@ -88,19 +86,19 @@ class TestTheGoal:
         assert stage.run(leaf) is Status.SUCCESS
         assert server.requests == 1
 
-    def test_initialise_itself_sends_the_goal_to_a_server_that_is_there(self, stage: "Stage") -> None:
+    def test_initialise_sends_goal_to_available_server(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage)
         stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the server")
         leaf.initialise()
         stage.until(lambda: server.goals, "the goal")
 
-    def test_the_action_can_have_another_name(self, stage: "Stage") -> None:
+    def test_action_name_is_configurable(self, stage: "Stage") -> None:
         server = stage.nav_server("drive/there")
         server.script = ["succeed"]
         assert stage.run(drive(stage, action="drive/there")) is Status.SUCCESS
 
-    def test_a_leaf_that_is_entered_again_sends_the_next_goal(self, stage: "Stage") -> None:
+    def test_reentered_leaf_sends_next_goal(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["succeed"]
         leaf = drive(stage)
@@ -109,7 +107,7 @@ class TestTheGoal:
         assert stage.run(leaf) is Status.SUCCESS
         assert [goal.pose[1] for goal in server.goals] == [-3.0, 3.5]
 
-    def test_without_a_zone_left_it_fails_and_says_so(self, stage: "Stage") -> None:
+    def test_leaf_without_zone_fails(self, stage: "Stage") -> None:
         leaf = drive(stage)
         visit_every_zone(stage)
         assert stage.run(leaf) is Status.FAILURE
@@ -117,19 +115,19 @@ class TestTheGoal:
         assert leaf.is_settled()
 
 
-def test_what_is_left_of_a_drive_is_told_to_the_journal(stage: "Stage") -> None:
+def test_remaining_distance_is_recorded_in_journal(stage: "Stage") -> None:
     entries: list[Any] = []
     stage.record.journal.add_listener(entries.append)
     server = stage.nav_server()
     server.script = ["feedback"]
     leaf = drive(stage)
     stage.tick_until(leaf, lambda: "2.50 m" in leaf.feedback_message, "feedback")
-    told = [entry.data for entry in entries if entry.kind == "progress"]
-    assert told == [{"target": "zone_a", "distance": 2.5, "time_left": 0.0}]
+    reported = [entry.data for entry in entries if entry.kind == "progress"]
+    assert reported == [{"target": "zone_a", "distance": 2.5, "time_left": 0.0}]
 
 
-class TestTheLog:
-    def test_a_zone_is_announced_driven_to_and_reached(self, stage: "Stage") -> None:
+class TestLog:
+    def test_start_drive_and_arrival_at_zone_are_logged(self, stage: "Stage") -> None:
         stage.nav_server().script = ["feedback", "succeed"]
         leaf = drive(stage)
         stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the server")
@@ -140,7 +138,7 @@ class TestTheLog:
             "Reached zone_a.",
         ]
 
-    def test_a_zone_that_is_tried_again_is_announced_once(self, stage: "Stage") -> None:
+    def test_retried_zone_is_announced_once(self, stage: "Stage") -> None:
         stage.nav_server().script = ["abort"]
         leaf = drive(stage)
         stage.run(leaf)
@@ -148,7 +146,7 @@ class TestTheLog:
         assert sum("Zone 1/2" in line for line in stage.lines) == 1
         assert stage.lines.count("Navigating to zone_a...") == 2
 
-    def test_coming_home_after_every_zone_completes_the_mission_once(self, stage: "Stage") -> None:
+    def test_return_after_all_zones_completes_mission_once(self, stage: "Stage") -> None:
         stage.nav_server().script = ["succeed"]
         leaf = drive_home(stage)
         stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the server")
@@ -164,9 +162,7 @@ class TestTheLog:
         assert stage.lines.count("Mission complete.") == 1
         assert stage.lines.count("Reached base station.") == 2
 
-    def test_coming_home_without_an_abandoned_zone_names_it_and_completes_nothing(
-        self, stage: "Stage"
-    ) -> None:
+    def test_return_with_abandoned_zone_leaves_mission_incomplete(self, stage: "Stage") -> None:
         stage.nav_server().script = ["succeed"]
         stage.zones.abandon()
         visit_every_zone(stage)
@@ -176,9 +172,7 @@ class TestTheLog:
             "Back at base with the mission incomplete: zone_a was abandoned after attempt 1."
         )
 
-    def test_coming_home_with_a_survivor_not_acknowledged_says_so_once_and_complete_once_it_is(
-        self, stage: "Stage"
-    ) -> None:
+    def test_return_logs_unacknowledged_survivor_once_and_completion_later(self, stage: "Stage") -> None:
         stage.nav_server().script = ["succeed"]
         stage.record.zone_searched("zone_a", (1.0, 2.0))
         stage.record.survivor_named("survivor_1", 1.0, 2.0)
@@ -196,7 +190,7 @@ class TestTheLog:
         stage.run(leaf)
         assert stage.lines[-1] == "Mission complete."
 
-    def test_coming_home_with_zones_left_does_not_claim_that_all_were_visited(self, stage: "Stage") -> None:
+    def test_return_with_remaining_zones_does_not_claim_completion(self, stage: "Stage") -> None:
         stage.nav_server().script = ["succeed"]
         assert stage.run(drive_home(stage)) is Status.SUCCESS
         assert "All zones visited. Returning to base." not in stage.lines
@@ -222,14 +216,12 @@ class Odometry:
         self._publisher.publish(self._message)
 
 
-class TestComingToRest:
+class TestStandstill:
     @pytest.mark.parametrize(("order", "end"), [("succeed", Status.SUCCESS), ("abort", Status.FAILURE)])
-    def test_a_goal_that_has_ended_is_over_when_the_robot_stands(
-        self, stage: "Stage", order: str, end: Status
-    ) -> None:
+    def test_ended_goal_waits_until_robot_stands(self, stage: "Stage", order: str, end: Status) -> None:
         server, odometry = stage.nav_server(), Odometry(stage)
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         robot = leaf._robot
         assert robot is not None
         stage.until(lambda: robot.moves, "the movement")
@@ -241,14 +233,12 @@ class TestComingToRest:
         stage.until(lambda: stage.wakes > wakes, "the wake")
         assert stage.run(leaf) is end
 
-    def test_a_robot_that_does_not_stand_is_waited_for_no_longer_than_said(
-        self, stage: "Stage", monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        # On a loaded machine the odometry may come late.
+    def test_wait_for_standstill_is_limited(self, stage: "Stage", monkeypatch: pytest.MonkeyPatch) -> None:
+        # On a loaded machine the odometry may arrive late.
         monkeypatch.setattr("sar_compiler.ros.robot_estimate._FRESH_SEC", 60.0)
         server, _ = stage.nav_server(), Odometry(stage)
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         robot = leaf._robot
         assert robot is not None
         stage.until(lambda: robot.moves, "the movement")
@@ -261,20 +251,20 @@ class TestComingToRest:
         )
 
 
-class TestTheRecord:
-    def test_setting_out_for_a_zone_is_leaving_home(self, stage: "Stage") -> None:
+class TestRecord:
+    def test_drive_to_zone_ends_being_home(self, stage: "Stage") -> None:
         stage.record.base_reached()
         drive(stage).tick_once()
         assert not stage.record.home
 
-    def test_a_base_that_was_not_reached_is_not_home(self, stage: "Stage") -> None:
+    def test_failed_return_is_not_home(self, stage: "Stage") -> None:
         stage.nav_server().script = ["abort"]
         assert stage.run(drive_home(stage)) is Status.FAILURE
         assert not stage.record.home
 
 
 class TestFailure:
-    def test_a_rejected_goal(self, stage: "Stage") -> None:
+    def test_rejected_goal_fails(self, stage: "Stage") -> None:
         stage.nav_server().accept = False
         leaf = drive(stage)
         assert stage.run(leaf) is Status.FAILURE
@@ -282,7 +272,7 @@ class TestFailure:
         assert "rejected" in stage.warnings[0]
         assert leaf.is_settled()
 
-    def test_an_aborted_goal_is_explained(self, stage: "Stage") -> None:
+    def test_aborted_goal_is_explained(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["abort"]
         server.error_code = 206
@@ -291,16 +281,16 @@ class TestFailure:
             "Navigation to zone_a failed: aborted (status 6), error code 206: the goal is in an obstacle"
         ]
 
-    def test_what_the_server_says_of_it_makes_no_line_of_its_own_in_the_log(self, stage: "Stage") -> None:
+    def test_server_message_is_escaped_and_shortened_in_log(self, stage: "Stage") -> None:
         leaf = drive(stage)
         message = "\x1b[2Jno\n[INFO] [0.0] [search_and_rescue]: Reached zone_b." + "!" * 10_000
         leaf.on_result(6, leaf.interface.Result(error_code=100, error_msg=message))
-        (told,) = stage.warnings
-        assert "error code 100: \\x1b[2Jno\\n[INFO] [0.0]" in told
-        assert "\n" not in told
-        assert len(told) < 500
+        (reported,) = stage.warnings
+        assert "error code 100: \\x1b[2Jno\\n[INFO] [0.0]" in reported
+        assert "\n" not in reported
+        assert len(reported) < 500
 
-    def test_a_goal_in_an_obstacle_is_sent_again_after_a_minute(self, stage: "Stage") -> None:
+    def test_goal_in_obstacle_is_resent_after_a_minute(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script, server.error_code = ["abort"], 206
         leaf = drive(stage)
@@ -313,7 +303,7 @@ class TestFailure:
         stage.run(leaf)
         assert server.requests == 2
 
-    def test_a_goal_outside_the_map_is_never_sent_again_but_other_zones_are(self, stage: "Stage") -> None:
+    def test_goal_outside_map_is_never_resent(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script, server.error_code = ["abort"], 204
         leaf = drive(stage)
@@ -327,19 +317,19 @@ class TestFailure:
         server.script = ["succeed"]
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_a_goal_that_somebody_else_canceled(self, stage: "Stage") -> None:
+    def test_goal_canceled_by_another_client_fails(self, stage: "Stage") -> None:
         from action_msgs.srv import CancelGoal
 
         server = stage.nav_server()
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         other = stage.node.create_client(CancelGoal, "navigate_to_pose/_action/cancel_goal")
         stage.until(other.service_is_ready, "the cancel service")
         other.call_async(CancelGoal.Request())
         assert stage.run(leaf) is Status.FAILURE
         assert "canceled by another client (status 5)" in stage.warnings[0]
 
-    def test_no_server_within_the_deadline(self, stage: "Stage") -> None:
+    def test_missing_server_fails_after_deadline(self, stage: "Stage") -> None:
         leaf = drive(stage, server_timeout_sec=0.05, hold_timeout_sec=0.0)
         leaf.tick_once()
         assert leaf.status is Status.RUNNING
@@ -347,7 +337,7 @@ class TestFailure:
         assert stage.run(leaf) is Status.FAILURE
         assert "no server for the action 'navigate_to_pose' within 0.05 s" in stage.warnings[0]
 
-    def test_a_verdict_stays_until_the_next_activation(self, stage: "Stage") -> None:
+    def test_result_stays_until_next_activation(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["succeed"]
         leaf = drive(stage)
@@ -358,14 +348,14 @@ class TestFailure:
         assert server.cancels == 0
         assert stage.lines.count("Reached zone_a.") == 1
 
-    def test_a_server_that_is_late_gets_the_goal_when_it_appears(self, stage: "Stage") -> None:
+    def test_late_server_receives_goal(self, stage: "Stage") -> None:
         leaf = drive(stage)
         leaf.tick_once()
         assert leaf.status is Status.RUNNING
         stage.nav_server().script = ["succeed"]
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_a_server_that_never_answers_costs_the_acceptance_deadline(self, stage: "Stage") -> None:
+    def test_unanswered_goal_fails_and_is_canceled_if_accepted_later(self, stage: "Stage") -> None:
         server = stage.nav_server()
         acceptance = server.hold()
         leaf = drive(stage, acceptance_timeout_sec=0.05, hold_timeout_sec=0.0)
@@ -379,7 +369,7 @@ class TestFailure:
         assert server.goals[0].final == "canceled"
         stage.until(leaf.is_settled, "calm")
 
-    def test_a_server_that_falls_silent_is_given_up_and_its_goal_canceled(self, stage: "Stage") -> None:
+    def test_goal_of_silent_server_fails_and_is_canceled(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.script = ["feedback"]
         leaf = drive(stage, feedback_timeout_sec=0.1, hold_timeout_sec=0.0)
@@ -387,38 +377,38 @@ class TestFailure:
         assert "no feedback for 0.1 s" in stage.warnings[0]
         stage.until(lambda: server.goals[0].final == "canceled", "the cancel")
 
-    def test_a_server_that_never_sends_feedback_is_not_called_silent(self, stage: "Stage") -> None:
+    def test_server_that_never_sends_feedback_is_not_silent(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage, feedback_timeout_sec=0.0)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         server.order("succeed")
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_a_server_that_is_gone_is_given_up(self, stage: "Stage") -> None:
+    def test_goal_of_vanished_server_fails(self, stage: "Stage") -> None:
         host = stage.host()
         server = stage.nav_server_on(host)
         leaf = drive(stage, hold_timeout_sec=0.0)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         host.close()
         assert stage.run(leaf) is Status.FAILURE
         assert "missing for 0.5 s. The robot may still be moving" in stage.warnings[0]
         assert leaf.is_settled(), "nobody is there to answer the cancel"
 
-    def test_a_server_that_was_replaced_before_its_first_feedback_is_found_out(self, stage: "Stage") -> None:
+    def test_goal_fails_if_server_is_replaced_before_first_feedback(self, stage: "Stage") -> None:
         host = stage.host()
         leaf = drive(stage, feedback_timeout_sec=0.2)
-        under_way(stage, leaf, stage.nav_server_on(host))
+        tick_until_accepted(stage, leaf, stage.nav_server_on(host))
         host.close()
         stage.nav_server()
         stage.until(lambda: leaf._port is not None and leaf._port.server_is_ready, "the new server")
         assert stage.run(leaf) is Status.FAILURE
         assert "unknown to the server (was it restarted?) (status 0)" in stage.warnings[0]
 
-    def test_a_server_that_was_restarted_does_not_know_the_goal(self, stage: "Stage") -> None:
+    def test_goal_fails_if_restarted_server_does_not_know_it(self, stage: "Stage") -> None:
         host = stage.host()
         leaf = drive(stage)
         leaf.absence_timeout_sec = 60.0
-        under_way(stage, leaf, stage.nav_server_on(host))
+        tick_until_accepted(stage, leaf, stage.nav_server_on(host))
         host.close()
         stage.tick_until(leaf, lambda: not leaf._port.server_is_ready, "the server's absence")  # type: ignore[union-attr]
         stage.nav_server()
@@ -427,7 +417,7 @@ class TestFailure:
 
 
 class Lifecycle:
-    """A lifecycle node of Nav2 that has the state that a test gives it."""
+    """A lifecycle node of Nav2 whose state the test sets."""
 
     def __init__(self, stage: "Stage", name: str, state: str) -> None:
         from lifecycle_msgs.srv import GetState
@@ -440,10 +430,10 @@ class Lifecycle:
         return response
 
 
-class TestTheMeans:
-    """What fails because nobody is there says nothing of the place."""
+class TestNavigationUnavailable:
+    """A drive that fails because Nav2 is unavailable is no failed attempt on the zone."""
 
-    def test_a_server_that_is_away_is_waited_for_and_the_record_knows_it(self, stage: "Stage") -> None:
+    def test_absent_server_is_waited_for_and_recorded(self, stage: "Stage") -> None:
         leaf = drive(stage, server_timeout_sec=0.05)
         stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
         assert leaf.status is Status.RUNNING
@@ -452,16 +442,16 @@ class TestTheMeans:
         assert stage.run(leaf) is Status.SUCCESS
         assert stage.record.navigation_lost == ""
 
-    def test_a_server_that_dies_on_the_way_and_comes_back_gets_the_goal_again(self, stage: "Stage") -> None:
+    def test_goal_is_resent_when_crashed_server_returns(self, stage: "Stage") -> None:
         host, leaf = stage.host(), drive(stage)
-        under_way(stage, leaf, stage.nav_server_on(host))
+        tick_until_accepted(stage, leaf, stage.nav_server_on(host))
         host.close()
         stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
         stage.nav_server().script = ["succeed"]
         assert stage.run(leaf) is Status.SUCCESS
         assert not any("failed" in line or "unavailable" in line for line in stage.warnings)
 
-    def test_what_stays_away_is_unavailable_until_somebody_judges_a_drive_again(self, stage: "Stage") -> None:
+    def test_navigation_is_unavailable_until_next_result_of_nav2(self, stage: "Stage") -> None:
         leaf = drive(stage, server_timeout_sec=0.05, hold_timeout_sec=0.1)
         available = stage.take(NavigationAvailable("NavigationAvailable?", record=stage.record))
         assert stage.run(available) is Status.SUCCESS
@@ -473,7 +463,7 @@ class TestTheMeans:
         assert stage.run(leaf) is Status.FAILURE
         assert stage.run(available) is Status.SUCCESS
 
-    def test_a_drive_that_is_cut_off_while_it_waits_says_nothing_of_its_zone(self, stage: "Stage") -> None:
+    def test_navigation_stays_unavailable_after_halt_of_waiting_drive(self, stage: "Stage") -> None:
         leaf = drive(stage, server_timeout_sec=0.05)
         stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
         leaf.stop(Status.INVALID)
@@ -482,13 +472,11 @@ class TestTheMeans:
 
     @pytest.mark.parametrize("name", ["controller_server", "planner_server", "behavior_server", "amcl"])
     @pytest.mark.parametrize("code", [0, 208])
-    def test_an_abort_while_a_node_of_nav2_is_not_active_is_waited_for(
-        self, stage: "Stage", name: str, code: int
-    ) -> None:
+    def test_abort_with_inactive_nav2_node_is_waited_for(self, stage: "Stage", name: str, code: int) -> None:
         server, node = stage.nav_server(), Lifecycle(stage, name, "inactive")
         server.error_code = code
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         stage.until(lambda: robot_estimate(leaf.node).lifecycle(name).is_there, "the node")
         server.order("abort")
         stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
@@ -498,12 +486,12 @@ class TestTheMeans:
         node.state = "active"
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_nodes_in_the_same_state_are_named_in_one_line(self, stage: "Stage") -> None:
+    def test_nodes_in_same_state_share_one_line(self, stage: "Stage") -> None:
         server, leaf = stage.nav_server(), drive(stage)
         names = ("amcl", "planner_server", "controller_server")
         for name in names:
             Lifecycle(stage, name, "unconfigured")
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         robot = robot_estimate(leaf.node)
         stage.until(lambda: all(robot.lifecycle(name).is_there for name in names), "the nodes")
         server.order("abort")
@@ -513,7 +501,7 @@ class TestTheMeans:
             == f"nodes {', '.join(names)}: state 'unconfigured', must be 'active'"
         )
 
-    def test_an_abort_after_the_transforms_have_stopped_is_waited_for(
+    def test_abort_after_loss_of_transforms_is_waited_for(
         self, stage: "Stage", monkeypatch: pytest.MonkeyPatch
     ) -> None:
         from geometry_msgs.msg import TransformStamped
@@ -525,46 +513,46 @@ class TestTheMeans:
         server, leaf = stage.nav_server(), drive(stage)
         frame, publisher = TransformStamped(), stage.host().node.create_publisher(TFMessage, "/tf", 10)
         frame.header.frame_id, frame.child_frame_id = "map", "odom"
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         robot = leaf._robot
         assert robot is not None
 
-        def transformed() -> bool:
+        def has_transform() -> bool:
             publisher.publish(TFMessage(transforms=[frame]))
             return robot.transform_at is not None
 
-        stage.until(transformed, "a transform")
+        stage.until(has_transform, "a transform")
         stage.until(robot.lost_transforms, "their end")
         server.order("abort")
         stage.tick_until(leaf, lambda: stage.record.navigation_lost, "the wait")
         assert "No transform from 'map' has arrived for 0.3 s" in stage.record.navigation_lost
 
 
-def without_code(stage: "Stage") -> "NavServer":
-    """Return a server of Nav2 that aborts each goal without an error code."""
+def server_without_error_code(stage: "Stage") -> "NavServer":
+    """Return a Nav2 server that aborts each goal without an error code."""
     server = stage.nav_server()
     server.script, server.error_code = ["abort"], 0
     return server
 
 
-def warned(stage: "Stage", text: str) -> "Callable[[], bool]":
+def has_warning(stage: "Stage", text: str) -> "Callable[[], bool]":
     return lambda: any(text in line for line in stage.warnings)
 
 
-class TestGoalsWithoutAnErrorCode:
-    """Nav2 aborts a goal so when its own nodes fail it: that is nothing against the place."""
+class TestAbortsWithoutErrorCode:
+    """Nav2 aborts a goal without a code if its own nodes fail. This does not mean that the zone is unreachable."""
 
     @pytest.mark.parametrize("leaf_of", [drive, drive_home])
-    def test_they_are_sent_again_after_pauses_that_double_and_the_third_in_a_row_is_held_on(
+    def test_goal_is_resent_after_doubling_pauses_and_drive_holds_after_third(
         self, stage: "Stage", leaf_of: "Callable[[Stage], NavigateToZone]"
     ) -> None:
-        server, leaf = without_code(stage), leaf_of(stage)
+        server, leaf = server_without_error_code(stage), leaf_of(stage)
         pauses: list[int] = []
         while len(pauses) < 6:
             stage.tick_until(leaf, lambda: leaf._lost_count > len(pauses), f"end {len(pauses) + 1}")
             assert leaf._pause is not None
             pauses.append(math.ceil(leaf._pause.remaining_sec))
-            leaf._pause = None  # not waited for here
+            leaf._pause = None  # do not wait for its end
         assert pauses == [1, 2, 4, 8, 8, 8]
         assert leaf.outcome_label == "waiting for Nav2"
         assert [line.rpartition("). ")[2] for line in stage.warnings] == [
@@ -577,8 +565,8 @@ class TestGoalsWithoutAnErrorCode:
         assert stage.run(leaf) is Status.SUCCESS
         assert stage.record.navigation_lost == ""
 
-    def test_until_the_hold_is_over_and_then_nav2_is_unavailable(self, stage: "Stage") -> None:
-        without_code(stage)
+    def test_navigation_is_unavailable_after_hold_timeout(self, stage: "Stage") -> None:
+        server_without_error_code(stage)
         leaf = drive(stage, hold_timeout_sec=0.3)
         leaf.pause_sec = 0.001
         available = stage.take(NavigationAvailable("NavigationAvailable?", record=stage.record))
@@ -590,17 +578,17 @@ class TestGoalsWithoutAnErrorCode:
         )
         assert stage.run(available) is Status.FAILURE
 
-    def test_the_hold_ends_in_the_middle_of_a_pause(self, stage: "Stage") -> None:
-        server = without_code(stage)
+    def test_hold_timeout_can_expire_during_pause(self, stage: "Stage") -> None:
+        server = server_without_error_code(stage)
         leaf = drive(stage, hold_timeout_sec=0.1)
         leaf.pause_sec = 0.01
-        stage.tick_until(leaf, warned(stage, "holds"), "the hold")
+        stage.tick_until(leaf, has_warning(stage, "holds"), "the hold")
         leaf._pause = Deadline(3600.0, leaf._clock)
         assert stage.run(leaf) is Status.FAILURE
         assert (leaf.outcome_label, len(server.goals)) == ("unavailable", 3)
 
-    def test_in_the_next_activation_the_row_goes_on_and_has_its_own_hold(self, stage: "Stage") -> None:
-        server = without_code(stage)
+    def test_next_activation_continues_count_with_new_hold_timeout(self, stage: "Stage") -> None:
+        server = server_without_error_code(stage)
         leaf = drive(stage, hold_timeout_sec=0.1)
         leaf.pause_sec = 0.01
         stage.run(leaf)
@@ -609,28 +597,28 @@ class TestGoalsWithoutAnErrorCode:
         assert leaf._lost_count == before + 1
         assert leaf.status is Status.RUNNING
 
-    def test_a_goal_with_a_code_ends_the_row(self, stage: "Stage") -> None:
-        server, leaf = without_code(stage), drive(stage)
+    def test_abort_with_error_code_resets_count(self, stage: "Stage") -> None:
+        server, leaf = server_without_error_code(stage), drive(stage)
         leaf.pause_sec = 0.01
-        stage.tick_until(leaf, warned(stage, "holds"), "the hold")
+        stage.tick_until(leaf, has_warning(stage, "holds"), "the hold")
         server.error_code = 208
         assert stage.run(leaf) is Status.FAILURE
         assert (leaf.outcome_label, stage.record.navigation_lost) == ("aborted", "")
         server.error_code = 0
-        stage.tick_until(leaf, warned(stage, "aborted the goal without an error code"), "a new row")
+        stage.tick_until(leaf, has_warning(stage, "aborted the goal without an error code"), "a new row")
 
-    def test_a_robot_that_comes_half_a_metre_on_a_goal_ends_the_row(self, stage: "Stage") -> None:
+    def test_progress_of_half_a_metre_resets_count(self, stage: "Stage") -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        server, leaf = without_code(stage), drive(stage)
+        server, leaf = server_without_error_code(stage), drive(stage)
         leaf.pause_sec = 0.01
         pose = PoseWithCovarianceStamped()
         pose.header.frame_id, pose.pose.pose.orientation.w = "map", 1.0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         publisher = stage.host().node.create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
 
-        def comes_to(x: float) -> None:
+        def move_to(x: float) -> None:
             pose.pose.pose.position.x = x
             robot = robot_estimate(stage.node)
 
@@ -641,20 +629,20 @@ class TestGoalsWithoutAnErrorCode:
 
             stage.until(is_there, f"the pose {x}")
 
-        stage.tick_until(leaf, warned(stage, "holds"), "the hold")
+        stage.tick_until(leaf, has_warning(stage, "holds"), "the hold")
         server.script = []
         goals = len(server.goals)
         stage.tick_until(leaf, lambda: len(server.goals) > goals, "a goal under way")
-        comes_to(0.0)
-        comes_to(0.4)
+        move_to(0.0)
+        move_to(0.4)
         assert stage.record.navigation_lost
-        comes_to(0.5)
+        move_to(0.5)
         stage.tick_until(leaf, lambda: not stage.record.navigation_lost, "the end of the row")
         assert leaf.outcome_label == "driving"
 
 
-class TestNav2sReason:
-    def test_what_nav2_logs_with_an_abort_is_quoted(self, stage: "Stage") -> None:
+class TestNav2Reason:
+    def test_nav2_log_line_is_quoted_on_abort(self, stage: "Stage") -> None:
         from rcl_interfaces.msg import Log
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -664,9 +652,9 @@ class TestNav2sReason:
         latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         rosout = stage.host().node.create_publisher(Log, "/rosout", latched)
         prefix = stage.namespace.strip("/")
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
 
-        def told() -> str:
+        def publish_log() -> str:
             for name, text in (
                 ("bt_navigator", "Goal failed"),
                 ("bt_navigator", "Initial robot pose is not available."),
@@ -675,7 +663,7 @@ class TestNav2sReason:
                 rosout.publish(Log(level=Log.ERROR, name=f"{prefix}.{name}", msg=text))
             return nav2_log(stage.node).quote()
 
-        stage.until(told, "the line")
+        stage.until(publish_log, "the line")
         server.order("abort")
         assert stage.run(leaf) is Status.FAILURE
         assert (
@@ -684,11 +672,11 @@ class TestNav2sReason:
         )
 
 
-class TestHalting:
-    def test_a_goal_in_flight_is_canceled(self, stage: "Stage") -> None:
+class TestHalt:
+    def test_active_goal_is_canceled(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         leaf.stop(Status.INVALID)
         assert not leaf.is_settled()
         stage.until(leaf.is_settled, "the answer to the cancel")
@@ -697,9 +685,7 @@ class TestHalting:
         assert server.cancels == 1
 
     @pytest.mark.parametrize("accept_after", [0.0, 0.05, 0.3])
-    def test_a_goal_that_was_not_accepted_yet_is_canceled_all_the_same(
-        self, stage: "Stage", accept_after: float
-    ) -> None:
+    def test_unaccepted_goal_is_canceled(self, stage: "Stage", accept_after: float) -> None:
         server = stage.nav_server()
         server.accept_after = accept_after
         leaf = drive(stage)
@@ -712,7 +698,7 @@ class TestHalting:
         assert stage.wakes == 0
         assert stage.warnings == []
 
-    def test_it_is_canceled_every_time(self, stage: "Stage") -> None:
+    def test_every_halt_cancels_its_goal(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.accept_after = 0.3
         leaf = drive(stage)
@@ -723,7 +709,7 @@ class TestHalting:
         stage.until(lambda: all(goal.final for goal in server.goals), "the end of every goal")
         assert [goal.final for goal in server.goals] == ["canceled"] * 5
 
-    def test_a_goal_whose_acceptance_nobody_has_seen_is_canceled_by_its_own_id(self, stage: "Stage") -> None:
+    def test_goal_with_unseen_acceptance_is_canceled_by_id(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage)
         stage.tick_until(leaf, lambda: "Navigating to zone_a..." in stage.lines, "sending")
@@ -734,7 +720,7 @@ class TestHalting:
         stage.until(leaf.is_settled, "calm")
         assert stage.warnings == []
 
-    def test_a_goal_that_is_rejected_after_the_halt_is_settled(self, stage: "Stage") -> None:
+    def test_goal_rejected_after_halt_is_settled(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.accept = False
         server.accept_after = 0.1
@@ -744,7 +730,7 @@ class TestHalting:
         stage.until(leaf.is_settled, "calm")
         assert stage.warnings == []
 
-    def test_a_halt_before_the_server_is_there_sends_nothing_ever(self, stage: "Stage") -> None:
+    def test_halt_before_server_appears_sends_nothing(self, stage: "Stage") -> None:
         leaf = drive(stage)
         leaf.tick_once()
         leaf.stop(Status.INVALID)
@@ -754,23 +740,23 @@ class TestHalting:
         assert leaf.is_settled()
         assert server.requests == 0
 
-    def test_a_leaf_without_a_goal_can_be_halted(self, stage: "Stage") -> None:
+    def test_leaf_without_goal_can_be_halted(self, stage: "Stage") -> None:
         leaf = drive(stage)
         leaf.stop(Status.INVALID)
         assert leaf.is_settled()
         assert leaf.update() is Status.INVALID
 
-    def test_a_halted_leaf_is_not_running(self, stage: "Stage") -> None:
+    def test_halted_leaf_is_not_running(self, stage: "Stage") -> None:
         leaf = drive(stage)
         leaf.tick_once()
         leaf.stop(Status.INVALID)
         assert leaf.update() is Status.FAILURE
 
-    def test_a_cancel_that_is_refused_is_warned_of(self, stage: "Stage") -> None:
+    def test_refused_cancel_is_reported(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.heed_cancel = False
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         leaf.stop(Status.INVALID)
         stage.until(lambda: stage.warnings, "the answer to the cancel")
         assert "did not cancel the goal" in stage.warnings[0]
@@ -778,10 +764,10 @@ class TestHalting:
         server.order("succeed")
         stage.until(leaf.is_settled, "the end of the goal")
 
-    def test_a_goal_that_ended_meanwhile_needs_no_cancel(self, stage: "Stage") -> None:
+    def test_cancel_of_ended_goal_causes_no_warning(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         server.order("succeed")
         server.wait_for_end()
         leaf.stop(Status.INVALID)
@@ -800,29 +786,27 @@ class TestHalting:
 
 
 class TestOldGoals:
-    def test_a_leaf_that_is_entered_again_after_a_halt_is_not_touched_by_the_old_goal(
-        self, stage: "Stage"
-    ) -> None:
+    def test_old_goal_does_not_affect_reentered_leaf(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         leaf.stop(Status.INVALID)
-        under_way(stage, leaf, server, goals=2)
+        tick_until_accepted(stage, leaf, server, goals=2)
         stage.tick_until(
-            leaf, lambda: leaf.is_settled() and results_awaited(leaf) == 1, "the old goal's result"
+            leaf, lambda: leaf.is_settled() and pending_results(leaf) == 1, "the old goal's result"
         )
         assert leaf.status is Status.RUNNING
         server.order("succeed")
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_an_acceptance_of_an_old_goal_is_not_taken_for_the_new_one(self, stage: "Stage") -> None:
+    def test_acceptance_of_old_goal_is_not_taken_for_new_goal(self, stage: "Stage") -> None:
         server = stage.nav_server()
         acceptance = server.hold()
         leaf = drive(stage)
         stage.tick_until(leaf, lambda: server.requests == 1, "the first goal")
         leaf.stop(Status.INVALID)
         stage.zones.select_next_zone()
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         server.order("feedback")
         acceptance.set()
         stage.tick_until(
@@ -834,17 +818,15 @@ class TestOldGoals:
         finals[3.5].orders.put("succeed")
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_a_goal_left_behind_by_an_exception_elsewhere_is_canceled_on_the_next_entry(
-        self, stage: "Stage"
-    ) -> None:
+    def test_goal_orphaned_by_exception_is_canceled_on_next_entry(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage)
-        under_way(stage, leaf, server)
-        leaf.status = Status.INVALID  # what a tree looks like after an exception: nobody was terminated
-        under_way(stage, leaf, server, goals=2)
+        tick_until_accepted(stage, leaf, server)
+        leaf.status = Status.INVALID  # the state after an exception in the tree: no leaf was terminated
+        tick_until_accepted(stage, leaf, server, goals=2)
         stage.until(lambda: server.goals[0].final == "canceled", "the old goal's end")
 
-    def test_a_result_that_comes_after_the_goal_was_given_up_changes_nothing(self, stage: "Stage") -> None:
+    def test_late_result_after_failure_changes_nothing(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.heed_cancel = False
         server.script = ["feedback"]
@@ -853,12 +835,12 @@ class TestOldGoals:
         wakes = stage.wakes
         server.order("succeed")
         server.wait_for_end()
-        stage.until(lambda: leaf.is_settled() and results_awaited(leaf) == 0, "the result")
+        stage.until(lambda: leaf.is_settled() and pending_results(leaf) == 0, "the result")
         assert leaf.update() is Status.FAILURE
         assert stage.wakes == wakes
 
     @pytest.mark.parametrize("accept", [True, False])
-    def test_an_old_goal_is_forgotten(self, stage: "Stage", accept: bool) -> None:
+    def test_old_goal_is_garbage_collected(self, stage: "Stage", accept: bool) -> None:
         server = stage.nav_server()
         server.accept = accept
         leaf = drive(stage)
@@ -866,32 +848,32 @@ class TestOldGoals:
         assert leaf._exchange is not None
         old = weakref.ref(leaf._exchange)
         leaf.stop(Status.INVALID)
-        stage.until(lambda: leaf.is_settled() and results_awaited(leaf) == 0, "calm")
+        stage.until(lambda: leaf.is_settled() and pending_results(leaf) == 0, "calm")
         gc.collect()
         assert old() is None
 
 
-class TestWaking:
+class TestWake:
     def test_acceptance_and_success_wake_the_tree(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         assert stage.wakes == 1
         server.order("succeed")
         stage.run(leaf)
         assert stage.wakes == 2
 
-    def test_rejection_does_not(self, stage: "Stage") -> None:
+    def test_rejection_does_not_wake_tree(self, stage: "Stage") -> None:
         stage.nav_server().accept = False
         stage.run(drive(stage))
         assert stage.wakes == 0
 
-    def test_abort_does_not(self, stage: "Stage") -> None:
+    def test_abort_does_not_wake_tree(self, stage: "Stage") -> None:
         stage.nav_server().script = ["abort"]
         stage.run(drive(stage))
         assert stage.wakes == 1, "the acceptance alone"
 
-    def test_a_runner_without_a_wake_will_do(self, stage: "Stage") -> None:
+    def test_leaf_works_without_wake_callback(self, stage: "Stage") -> None:
         stage.nav_server().script = ["succeed"]
         leaf = drive(stage)
         leaf.setup(node=stage.node)
@@ -899,17 +881,17 @@ class TestWaking:
         assert stage.wakes == 0
 
 
-class TestShuttingDown:
-    def test_a_goal_in_flight_is_canceled_before_the_clients_go(self, stage: "Stage") -> None:
+class TestShutdown:
+    def test_shutdown_cancels_active_goal(self, stage: "Stage") -> None:
         server = stage.nav_server()
         leaf = drive(stage)
-        under_way(stage, leaf, server)
+        tick_until_accepted(stage, leaf, server)
         leaf.shutdown()
         leaf.shutdown()
         stage.until(lambda: server.goals[0].final == "canceled", "the end of the goal")
         stage.until(leaf.is_settled, "the end's being known")
 
-    def test_a_goal_that_is_accepted_after_the_shutdown_is_still_canceled(self, stage: "Stage") -> None:
+    def test_goal_accepted_after_shutdown_is_canceled(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.accept_after = 0.3
         leaf = drive(stage)
@@ -919,7 +901,7 @@ class TestShuttingDown:
         stage.until(lambda: server.goals and server.goals[0].final, "the end of the goal")
         assert server.goals[0].final == "canceled"
 
-    def test_setting_up_again_leaves_no_clients_behind(self, stage: "Stage") -> None:
+    def test_second_setup_leaves_no_extra_clients(self, stage: "Stage") -> None:
         leaf = drive(stage)
         waitables, clients = len(list(stage.node.waitables)), len(list(stage.node.clients))
         leaf.setup(node=stage.node)

@@ -1,4 +1,4 @@
-"""The shipped floor of offices: its parameters fit its world, and the robot gets to each area."""
+"""Tests of the shipped office floor: its parameters match its world, and each area is reachable."""
 
 from pathlib import Path
 
@@ -27,14 +27,14 @@ def world() -> World:
     return find_world("offices")
 
 
-def test_the_areas_are_the_zones_of_the_world_and_the_robot_starts_where_it_stands(world: World) -> None:
+def test_areas_and_start_match_world(world: World) -> None:
     search, run = begun()
     assert search.places() == dict(world.places)
     assert run.initial_pose == (world.start.x, world.start.y, world.start.yaw)
     assert (run.robot_radius_m, len(search.zones.areas)) == (world.robot_radius, 10)
 
 
-def test_a_way_leads_to_each_area_and_home(world: World) -> None:
+def test_every_area_and_home_are_reachable(world: World) -> None:
     search, run = begun()
     assert world.map_path is not None
     start = (run.initial_pose[0], run.initial_pose[1])

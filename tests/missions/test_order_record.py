@@ -1,4 +1,4 @@
-"""Each order to a mission is in its journal, with who gave it."""
+"""Tests of command records: each command to a mission is in its journal with its author."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ A_CALL = "a service call"
 
 
 class Robot:
-    """A search whose node heeds two orders, and what its journal tells."""
+    """A search whose node serves three commands, with its journal and state."""
 
     def __init__(self, ros: Any) -> None:
         from std_srvs.srv import Trigger
@@ -76,13 +76,13 @@ def robot(ros):
     return Robot(ros)
 
 
-def test_who_says_nothing_before_a_call_is_a_service_call(robot):
+def test_unannounced_call_is_recorded_as_service_call(robot):
     robot.call("pause")
     assert robot.orders == [f"{A_CALL}: pause"]
     assert robot.reason == f"by {A_CALL}"
 
 
-def test_an_order_that_is_refused_and_one_that_nothing_is_noted_of_are_told_by_themselves(robot):
+def test_refused_and_unrecorded_commands_get_entries_of_their_own(robot):
     robot.refusal = "no zone is left"
     robot.call("pause")
     robot.refusal, robot.notes = "", False
@@ -91,27 +91,27 @@ def test_an_order_that_is_refused_and_one_that_nothing_is_noted_of_are_told_by_t
     assert robot.reason == ""
 
 
-def test_each_order_is_in_the_journal_once(robot):
+def test_command_is_recorded_once(robot):
     robot.sign("pause", "Ada")
     robot.call("pause")
     said = {"by": "Ada", "reason": "", "refusal": ""}
-    told = {"verb": "pause", "label": "Pause", **said, "is_told": True}
-    assert [each.data for each in robot.entries if each.kind == "ordered"] == [told]
+    expected = {"verb": "pause", "label": "Pause", **said, "is_told": True}
+    assert [each.data for each in robot.entries if each.kind == "ordered"] == [expected]
 
 
-def test_what_is_no_answer_to_an_order_ends_nothing(robot):
+def test_command_without_response_is_recorded(robot):
     robot.record._execute(VERBS[0], lambda *_: None, None, None)
     assert robot.orders == [f"{A_CALL}: Pause"]
 
 
-def test_who_is_about_to_call_says_so_by_a_parameter_of_the_node(robot):
+def test_parameter_announces_author_of_next_call(robot):
     assert robot.sign("pause", "Ada")
     robot.call("pause")
     robot.call("resume")
     assert robot.orders == ["Ada: pause", f"{A_CALL}: resume"]
 
 
-def test_what_somebody_says_counts_for_one_call_and_two_who_say_it_have_a_call_each(robot):
+def test_each_announcement_applies_to_one_call(robot):
     robot.sign("pause", "Ada")
     robot.sign("pause", "Bob")
     for _ in range(3):
@@ -119,7 +119,7 @@ def test_what_somebody_says_counts_for_one_call_and_two_who_say_it_have_a_call_e
     assert robot.orders == ["Ada: pause", "Bob: pause", f"{A_CALL}: pause"]
 
 
-def test_whoever_has_said_it_long_ago_and_not_called_is_not_who_calls(robot, monkeypatch):
+def test_expired_announcement_is_ignored(robot, monkeypatch):
     robot.sign("pause", "Ada")
     monkeypatch.setattr("sar_compiler.execution.command_authors._ANNOUNCEMENT_VALID_SEC", 0.0)
     robot.call("pause")
@@ -129,7 +129,7 @@ def test_whoever_has_said_it_long_ago_and_not_called_is_not_who_calls(robot, mon
 @pytest.mark.parametrize(
     ("by", "said"), [("A\nda\x1b", "Ada"), ("", A_CALL), (7, "7"), ("x" * 999, "x" * 200)]
 )
-def test_what_somebody_says_is_a_short_line(robot, by, said):
+def test_author_is_reduced_to_a_short_line(robot, by, said):
     robot.sign("pause", by)
     robot.call("pause")
     assert robot.orders == [f"{said}: pause"]
@@ -147,21 +147,21 @@ def test_what_somebody_says_is_a_short_line(robot, by, said):
         (["Ada", "x" * 999], f"Ada: pause: {'x' * 200}"),
     ],
 )
-def test_who_is_about_to_call_can_say_why(robot, said, order):
+def test_announcement_can_state_reason(robot, said, order):
     assert robot.sign("pause", said)
     robot.call("pause")
     assert robot.orders == [order]
     assert robot.reason == f"by {order.replace(': pause', '', 1)}"
 
 
-def test_a_name_alone_and_a_name_with_a_reason_may_follow_each_other(robot):
+def test_announcements_with_and_without_reason_can_alternate(robot):
     for said in ("Ada", ["Bob", "smoke"], "Eve"):
         assert robot.sign("pause", said)
         robot.call("pause")
     assert robot.orders == ["Ada: pause", "Bob: pause: smoke", "Eve: pause"]
 
 
-def test_the_reason_of_a_refused_order_is_recorded(robot):
+def test_reason_of_refused_command_is_recorded(robot):
     robot.refusal = "no zone is left"
     robot.sign("pause", ["Ada", "smoke"])
     robot.call("pause")
@@ -170,7 +170,7 @@ def test_the_reason_of_a_refused_order_is_recorded(robot):
     assert (order["by"], order["reason"], order["refusal"]) == ("Ada", "smoke", "no zone is left")
 
 
-def test_other_parameters_sign_nothing(robot):
+def test_other_parameters_announce_nothing(robot):
     from rclpy.parameter import Parameter
 
     for name in ("ordered_by.dance", "ordered_by", "signed.pause"):
@@ -179,31 +179,31 @@ def test_other_parameters_sign_nothing(robot):
     assert robot.orders == [f"{A_CALL}: pause"]
 
 
-def test_the_state_says_by_whom_the_robot_is_held_and_forgets_it_when_that_is_over(robot):
+def test_status_names_author_of_pause_until_resume(robot):
     robot.sign("pause", "Ada")
     robot.call("pause")
-    # Whoever orders the same again has changed nothing.
+    # Repeating the command changes nothing.
     robot.call("pause")
     assert robot.reason == "by Ada"
     robot.call("resume")
     assert robot.reason == ""
 
 
-def test_what_the_mission_notes_after_an_order_was_not_ordered(robot):
+def test_event_after_command_is_not_attributed_to_its_author(robot):
     robot.call("resume")
     robot.search.orders.record("pause")
     assert robot.reason == "by the operator"
 
 
-def test_the_end_of_a_mission_that_somebody_has_ended_says_who(robot):
+def test_status_of_aborted_mission_names_author(robot):
     with robot.journal.ordered_by(CommandAuthor("Ada")):
         robot.search.orders.record("abort")
     robot.journal.end_run(Ending.OVER, 1, "It has ended here.")
     assert condition(robot.state).to_line() == "ABORTED: By Ada. It has ended here."
 
 
-def signing(ros, of):
-    """Return what says to a node who is about to give an order, from another node; it has found that node."""
+def make_remote_author(ros, of):
+    """Return a remote author that announces commands to a node from another node, once it has found that node."""
     from rcl_interfaces.srv import SetParameters
 
     asker = ros.node("asker")
@@ -215,9 +215,11 @@ def signing(ros, of):
     return signature
 
 
-def test_who_orders_from_another_node_is_heard_before_the_order_which_is_given_once(robot):
+def test_remote_author_is_announced_before_command_which_is_sent_once(robot):
     given: list[str] = []
-    signing(robot.ros, "/mission").sign("pause", CommandAuthor("Ada", "smoke"), lambda: given.append("pause"))
+    make_remote_author(robot.ros, "/mission").sign(
+        "pause", CommandAuthor("Ada", "smoke"), lambda: given.append("pause")
+    )
     robot.ros.spin_until(lambda: given, "the order")
     robot.call("pause")
     assert robot.orders == ["Ada: pause: smoke"]
@@ -225,16 +227,18 @@ def test_who_orders_from_another_node_is_heard_before_the_order_which_is_given_o
     assert given == ["pause"]
 
 
-def test_an_answer_that_is_lost_keeps_no_order_from_being_given(ros):
+def test_lost_response_to_announcement_does_not_block_command(ros):
     from rclpy.node import Node
 
     given: list[str] = []
-    deaf = Node("deaf", context=ros.context)  # nobody spins it
-    signing(ros, "/deaf").sign("pause", CommandAuthor("Ada", "smoke"), lambda: given.append("pause"))
+    deaf = Node("deaf", context=ros.context)  # never spun
+    make_remote_author(ros, "/deaf").sign(
+        "pause", CommandAuthor("Ada", "smoke"), lambda: given.append("pause")
+    )
     ros.spin_until(lambda: given, "the order")
     deaf.destroy_node()
     assert given == ["pause"]
 
 
-def test_an_announcement_whose_third_value_is_not_what_was_seen_is_refused(robot):
+def test_invalid_third_value_of_announcement_is_rejected(robot):
     assert not robot.sign("pause", ["Ada", "smoke", "zone_a"])

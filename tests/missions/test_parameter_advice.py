@@ -1,4 +1,4 @@
-"""Numbers of parameters that make no sense in their unit, and what is advised: a table of every number that a mission reads."""
+"""Tests of advice about implausible numbers, for every numeric parameter that a mission reads."""
 
 import json
 import math
@@ -49,12 +49,12 @@ def read(parameters: dict[str, object]) -> ParameterReader:
 
 
 def as_ros_reads(text: str) -> object:
-    """Return the value of a text in a parameter file."""
+    """Return the value that ROS reads from text in a parameter file."""
     return float(text) if re.fullmatch(r"-?[\d.]+(e\d+)?", text) else text.strip("'")
 
 
 def complaints(key: str, value: object) -> list[str]:
-    """Return what is said of a parameter, as a mistake or a note."""
+    """Return the problems and notes about a parameter."""
     reader = read({**GIVEN, key: value})
     return [str(each) for each in reader.problems if each.key == key] + [
         note for note in reader.notes if note.startswith(key)
@@ -62,13 +62,13 @@ def complaints(key: str, value: object) -> list[str]:
 
 
 @pytest.mark.parametrize("path", SHIPPED.values(), ids=SHIPPED)
-def test_a_shipped_file_has_no_unusual_number(path: Path) -> None:
+def test_shipped_file_has_no_unusual_number(path: Path) -> None:
     reader = read(dict(read_parameter_file(path, "/search_and_rescue")))
     assert (reader.problems, [note for note in reader.notes if "unusual" in note]) == ([], [])
 
 
 @pytest.mark.parametrize("key", NUMBERS)
-def test_no_advice_about_a_parameter_has_a_number_that_nobody_wrote(key: str) -> None:
+def test_numbers_in_advice_follow_from_written_value(key: str) -> None:
     unit = unit_of_key(key)
     for text in WRITTEN:
         for said in complaints(key, as_ros_reads(text)):
@@ -88,9 +88,7 @@ def test_no_advice_about_a_parameter_has_a_number_that_nobody_wrote(key: str) ->
         for text, number in MEANT.get(unit_of_key(key), {}).items()
     ],
 )
-def test_a_parameter_in_another_notation_or_unit_gets_the_number_that_is_to_be_written(
-    key: str, text: str, number: float
-) -> None:
+def test_value_in_other_notation_or_unit_gets_converted_number(key: str, text: str, number: float) -> None:
     value = as_ros_reads(text)
     said = complaints(key, value)
     if not said:
@@ -117,15 +115,13 @@ def test_a_parameter_in_another_notation_or_unit_gets_the_number_that_is_to_be_w
         ("base_station.x", 5e6, "base_station.x: must be metres from -1000000 to 1000000, but is 5000000; 5000000 mm are 5000 m: write 5000"),
     ],
 )  # fmt: skip
-def test_a_number_that_makes_no_sense_in_its_unit_is_converted(key: str, value: object, said: str) -> None:
+def test_implausible_number_gets_expected_message(key: str, value: object, said: str) -> None:
     assert complaints(key, value) == [said]
 
 
 @pytest.mark.parametrize("value", [1e308, 10**400, -1.0, "3m", True, [2.0]])
 @pytest.mark.parametrize("key", ["sweep_width", "detection_range", "poa", "pod", "look_sec", "priority"])
-def test_no_property_of_an_area_ends_with_a_traceback_and_each_complaint_has_its_line(
-    key: str, value: Any, tmp_path: Path
-) -> None:
+def test_invalid_area_property_is_reported_with_location(key: str, value: Any, tmp_path: Path) -> None:
     if key == "priority" and isinstance(value, float):
         assert begun(tmp_path, [feature(priority=value)]).zones.remaining_zones()
         return
@@ -136,7 +132,7 @@ def test_no_property_of_an_area_ends_with_a_traceback_and_each_complaint_has_its
     assert all(each.place for each in raised.value.problems)
 
 
-def test_each_mistake_in_an_areas_file_has_its_line_and_column(tmp_path: Path) -> None:
+def test_areas_file_errors_have_line_and_column(tmp_path: Path) -> None:
     wrong = [
         feature("", title=""),
         feature("hole", rings=[[[11.5, 48.1], [11.6, 48.1], [11.5, 48.2]], [[1, 2]]]),
@@ -158,7 +154,7 @@ def test_each_mistake_in_an_areas_file_has_its_line_and_column(tmp_path: Path) -
     assert marked == ['""', "[", "[", '"corner"', '"Circle"', '"twice"', '"a.b"']
 
 
-def test_a_key_of_an_areas_file_that_is_written_twice_is_an_error_at_its_second_place(tmp_path: Path) -> None:
+def test_duplicate_key_in_areas_file_is_reported_at_second_location(tmp_path: Path) -> None:
     text = json.dumps({"type": "FeatureCollection", "features": [feature(title='{ "name": [')]}, indent=1)
     text = text.replace('"title"', '"n\\u0061me" : "south", "title"')
     assert '"n\\u0061me"' in text
@@ -170,7 +166,7 @@ def test_a_key_of_an_areas_file_that_is_written_twice_is_an_error_at_its_second_
     assert text.splitlines()[line - 1][column - 1 :].startswith('"n\\u0061me" :')
 
 
-def test_a_place_in_a_json_file_is_that_of_the_value_or_of_the_last_one_on_the_way() -> None:
+def test_json_location_is_that_of_value_or_last_existing_parent() -> None:
     file = JsonFile(
         '{"a": [1,\n  {"b\\"": "\\u00e9", "c": {}}],\n "a ": 2, "a": [{"c": null, "d": [[], 3]}]}', "f"
     )

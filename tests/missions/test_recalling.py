@@ -1,4 +1,4 @@
-"""Search and rescue and its journal: whatever has happened when the process dies, the next run knows it."""
+"""Tests of resuming search and rescue from its journal: after a crash at any point, the next run has the same state."""
 
 import tempfile
 from collections.abc import Callable
@@ -37,19 +37,19 @@ PARAMETERS: dict[str, Any] = {
 }
 
 
-def seen(landmark: Landmark) -> Landmark:
-    """Return a landmark without the details that nobody knows."""
+def known_landmark(landmark: Landmark) -> Landmark:
+    """Return a landmark without unknown details."""
     known = {key: value for key, value in landmark.details.items() if value not in (None, "")}
     return landmark._replace(details=known)
 
 
-class Life:
-    """One run of the mission, a process as it were, with its journal."""
+class MissionProcess:
+    """One run of the mission with its journal, as in one process."""
 
     def __init__(self, place: Path, *, resume: bool) -> None:
         self.journal = open_journal(place, resume=resume)
         self.situation = DisplayState()
-        self.journal.add_listener(self.take)
+        self.journal.add_listener(self.on_entry)
         self.run: Search = MISSION.begin(ParameterReader(PARAMETERS))
         self.run.use_journal(self.journal)
         self.journal.begin({"mission": MISSION.name}, {})
@@ -58,7 +58,7 @@ class Life:
         self.kept: StoredReports = self.part(StoredReports)
         self.orders: OperatorCommands = self.part(OperatorCommands)
 
-    def take(self, entry: JournalEntry) -> None:
+    def on_entry(self, entry: JournalEntry) -> None:
         if entry.kind == CHANGED:
             self.situation.apply(**json_value(json_text(entry.data)))
 
@@ -66,7 +66,7 @@ class Life:
         return self.run.context[kind]
 
     def state(self) -> dict[str, Any]:
-        """Everything that leaves can ask for."""
+        """Return the state that leaves can read."""
         return {
             "left": self.zones.remaining_zones(),
             "abandoned": self.zones.abandoned_zones(),
@@ -80,168 +80,170 @@ class Life:
             "shortfalls": self.run.shortfalls(),
         }
 
-    def die(self) -> None:
-        """End as by SIGKILL: what is not on the disk yet is lost."""
+    def crash(self) -> None:
+        """End as after SIGKILL: data that is not on the disk is lost."""
         assert self.journal._file is not None
         self.journal._file.close()
         if self.journal._reserve is not None:
             self.journal._reserve.close(is_needed=True)
 
 
-class Dying(RuleBasedStateMachine):
-    """What leaves do, in any order, with deaths in between."""
+class CrashingMission(RuleBasedStateMachine):
+    """Events of leaves in any order, with crashes in between."""
 
     @initialize()
     def begin(self) -> None:
         self.folder = tempfile.TemporaryDirectory()
         self.place = Path(self.folder.name) / "mission.journal"
-        self.life = Life(self.place, resume=False)
+        self.process = MissionProcess(self.place, resume=False)
         self.names: list[str] = []
 
     def teardown(self) -> None:
-        if hasattr(self, "life"):
-            self.life.die()
+        if hasattr(self, "process"):
+            self.process.crash()
             self.folder.cleanup()
 
     @property
     def zone(self) -> str:
-        return self.life.zones.current_zone()["id"]
+        return self.process.zones.current_zone()["id"]
 
-    @precondition(lambda self: self.life.zones.has_remaining())
+    @precondition(lambda self: self.process.zones.has_remaining())
     @rule()
     def drive(self) -> None:
-        self.life.record.zone_started(self.zone)
+        self.process.record.zone_started(self.zone)
 
-    @precondition(lambda self: self.life.zones.has_remaining())
+    @precondition(lambda self: self.process.zones.has_remaining())
     @rule(found=st.booleans(), x=st.floats(-5, 5), y=st.floats(-5, 5))
     def search(self, found: bool, x: float, y: float) -> None:
-        self.life.record.zone_searched(self.zone, (x, y) if found else None)
+        self.process.record.zone_searched(self.zone, (x, y) if found else None)
 
     @rule()
     def name(self) -> None:
-        nameless = [each for each in self.life.record.survivors if each.survivor_id is None]
+        nameless = [each for each in self.process.record.survivors if each.survivor_id is None]
         if nameless:
-            name = self.life.zones.next_survivor_id()
+            name = self.process.zones.next_survivor_id()
             assert name not in self.names
             self.names.append(name)
-            self.life.record.survivor_named(name, nameless[0].x, nameless[0].y)
+            self.process.record.survivor_named(name, nameless[0].x, nameless[0].y)
 
     @rule(acknowledged=st.booleans())
     def report(self, acknowledged: bool) -> None:
-        for survivor in self.life.record.survivors:
+        for survivor in self.process.record.survivors:
             if survivor.survivor_id is not None and not survivor.acknowledged:
-                self.life.record.report_sent(survivor.survivor_id)
+                self.process.record.report_sent(survivor.survivor_id)
                 if acknowledged:
-                    self.life.record.record_acknowledgement(survivor.survivor_id)
+                    self.process.record.record_acknowledgement(survivor.survivor_id)
                 else:
                     report = SurvivorReport(survivor.survivor_id, survivor.x, survivor.y)
-                    self.life.record.report_kept(report)
+                    self.process.record.report_kept(report)
                 return
 
-    @precondition(lambda self: self.life.zones.has_remaining())
+    @precondition(lambda self: self.process.zones.has_remaining())
     @rule(how=st.sampled_from(["visited", "postponed", "abandoned", "given up"]))
     def leave(self, how: str) -> None:
         if how == "visited":
-            self.life.zones.select_next_zone()
+            self.process.zones.select_next_zone()
         elif how == "postponed":
-            self.life.zones.postpone()
+            self.process.zones.postpone()
         elif how == "given up":
-            self.life.zones.abandon("the battery is low")
+            self.process.zones.abandon("the battery is low")
         else:
-            self.life.zones.abandon()
+            self.process.zones.abandon()
 
     @rule(x=st.floats(-5, 5))
     def add_zone(self, x: float) -> None:
-        name = f"zone_{self.life.zones.total_zones()}"
-        self.life.zones.add(Zone(id=name, x=x, y=0.0, yaw=1.0))
+        name = f"zone_{self.process.zones.total_zones()}"
+        self.process.zones.add(Zone(id=name, x=x, y=0.0, yaw=1.0))
 
     @rule(verb=st.sampled_from(["pause", "resume", "go_home", "abort"]))
     def order(self, verb: str) -> None:
-        self.life.orders.record(verb)
+        self.process.orders.record(verb)
 
     @rule(reason=st.sampled_from(["the battery is low", "time is up"]))
     def raise_an_alarm(self, reason: str) -> None:
-        self.life.record.record_alarm(reason)
+        self.process.record.record_alarm(reason)
 
     @rule(verdict=st.sampled_from(DetectionVerdict))
     def judge(self, verdict: DetectionVerdict) -> None:
         if self.names:
             same_as = self.names[0] if verdict is DetectionVerdict.MERGED else None
-            self.life.record.survivor_judged(self.names[-1], verdict, same_as)
+            self.process.record.survivor_judged(self.names[-1], verdict, same_as)
 
     @rule()
     def come_home(self) -> None:
-        self.life.record.base_reached()
+        self.process.record.base_reached()
 
     @rule()
-    def die_and_resume(self) -> None:
-        before = self.life.state()
-        self.life.die()
-        self.life = Life(self.place, resume=True)
-        assert self.life.state() == before
+    def crash_and_resume(self) -> None:
+        before = self.process.state()
+        self.process.crash()
+        self.process = MissionProcess(self.place, resume=True)
+        assert self.process.state() == before
 
     @invariant()
-    def what_is_shown_is_what_the_entries_say(self) -> None:
-        if hasattr(self, "life"):
-            shown, situation = self.life.run.display(), self.life.situation
-            assert situation.landmarks == {(each.kind, each.name): seen(each) for each in shown.landmarks}
+    def display_matches_journal_entries(self) -> None:
+        if hasattr(self, "process"):
+            shown, situation = self.process.run.display(), self.process.situation
+            assert situation.landmarks == {
+                (each.kind, each.name): known_landmark(each) for each in shown.landmarks
+            }
             assert list(situation.figures.values()) == list(shown.figures)
             assert situation.phase == shown.phase
 
     @invariant()
-    def nobody_has_two_names(self) -> None:
-        if hasattr(self, "life"):
-            given = [each.survivor_id for each in self.life.record.survivors if each.survivor_id]
+    def survivor_names_are_unique(self) -> None:
+        if hasattr(self, "process"):
+            given = [each.survivor_id for each in self.process.record.survivors if each.survivor_id]
             assert len(given) == len(set(given))
 
 
-TestDying = Dying.TestCase
+TestCrashingMission = CrashingMission.TestCase
 
 
 @pytest.fixture
-def live(tmp_path: Path) -> Callable[..., Life]:
-    def begin(*, resume: bool = False) -> Life:
-        return Life(tmp_path / "mission.journal", resume=resume)
+def start_process(tmp_path: Path) -> Callable[..., MissionProcess]:
+    def begin(*, resume: bool = False) -> MissionProcess:
+        return MissionProcess(tmp_path / "mission.journal", resume=resume)
 
     return begin
 
 
-def test_a_search_of_the_zone_that_was_not_left_is_answered_once(live: Callable[..., Life]) -> None:
-    life = live()
-    life.record.zone_searched("zone_a", (1.0, 2.0))
-    life.die()
-    before = live(resume=True).record.before
+def test_search_of_current_zone_is_reused_once(start_process: Callable[..., MissionProcess]) -> None:
+    process = start_process()
+    process.record.zone_searched("zone_a", (1.0, 2.0))
+    process.crash()
+    before = start_process(resume=True).record.before
     assert before.has_searched("zone_a")
     assert before.pop_search("zone_a") == (1.0, 2.0)
     assert not before.has_searched("zone_a")
 
 
-def test_a_search_of_a_zone_that_was_left_is_not_answered(live: Callable[..., Life]) -> None:
-    life = live()
-    life.record.zone_searched("zone_a", None)
-    life.zones.select_next_zone()
-    life.die()
-    assert not live(resume=True).record.before.has_searched("zone_a")
+def test_search_of_left_zone_is_not_reused(start_process: Callable[..., MissionProcess]) -> None:
+    process = start_process()
+    process.record.zone_searched("zone_a", None)
+    process.zones.select_next_zone()
+    process.crash()
+    assert not start_process(resume=True).record.before.has_searched("zone_a")
 
 
-def test_the_way_home_is_done_only_while_no_zone_was_set_out_for(live: Callable[..., Life]) -> None:
-    life = live()
-    life.record.base_reached()
-    life.die()
-    life = live(resume=True)
-    assert life.record.home
-    life.record.zone_started("zone_a")
-    assert not life.record.before.pop_home()
-    life.die()
-    assert not live(resume=True).record.before.pop_home()
+def test_return_is_not_reused_after_start_of_a_zone(start_process: Callable[..., MissionProcess]) -> None:
+    process = start_process()
+    process.record.base_reached()
+    process.crash()
+    process = start_process(resume=True)
+    assert process.record.home
+    process.record.zone_started("zone_a")
+    assert not process.record.before.pop_home()
+    process.crash()
+    assert not start_process(resume=True).record.before.pop_home()
 
 
-def test_names_of_somebody_elses_do_not_disturb_the_numbering(live: Callable[..., Life]) -> None:
-    life = live()
-    life.record.survivor_named("anna", 1.0, 2.0)
-    life.record.survivor_named(life.zones.next_survivor_id(), 3.0, 4.0)
-    life.die()
-    assert live(resume=True).zones.next_survivor_id() == "survivor_2"
+def test_names_from_elsewhere_do_not_affect_numbering(start_process: Callable[..., MissionProcess]) -> None:
+    process = start_process()
+    process.record.survivor_named("anna", 1.0, 2.0)
+    process.record.survivor_named(process.zones.next_survivor_id(), 3.0, 4.0)
+    process.crash()
+    assert start_process(resume=True).zones.next_survivor_id() == "survivor_2"
 
 
 @pytest.mark.parametrize(
@@ -257,15 +259,15 @@ def test_names_of_somebody_elses_do_not_disturb_the_numbering(live: Callable[...
         ("survivor_judged", {"survivor": "survivor_1", "standing": "tired", "same_as": None}),
     ],
 )
-def test_facts_that_do_not_fit_are_refused_with_their_number(
-    live: Callable[..., Life], tmp_path: Path, kind: str, data: dict[str, Any]
+def test_inconsistent_event_is_rejected_with_its_number(
+    start_process: Callable[..., MissionProcess], tmp_path: Path, kind: str, data: dict[str, Any]
 ) -> None:
     journal = open_journal(tmp_path / "mission.journal")
     journal.begin({"mission": MISSION.name}, {})
     journal.record_event(kind, **data)
     journal.close()
     with pytest.raises(JournalError, match=f"event 1 of the journal, {kind}"):
-        live(resume=True)
+        start_process(resume=True)
 
 
 ANYTHING = st.recursive(
@@ -296,7 +298,7 @@ KINDS = st.sampled_from(
 
 
 @given(st.lists(st.tuples(KINDS, st.dictionaries(KEYS, ANYTHING, max_size=3)), max_size=6))
-def test_facts_of_any_content_are_taken_over_or_refused_in_words(
+def test_arbitrary_events_are_applied_or_rejected(
     facts: list[tuple[str, dict[str, Any]]],
 ) -> None:
     run = MISSION.begin(ParameterReader(PARAMETERS))
@@ -308,15 +310,15 @@ def test_facts_of_any_content_are_taken_over_or_refused_in_words(
         run.shortfalls()
 
 
-def test_facts_of_other_kinds_are_passed_over(live: Callable[..., Life]) -> None:
-    life = live()
-    life.journal.record_event("goal_sent", action="/navigate_to_pose", goal="00")
-    state = life.state()
-    life.die()
-    assert live(resume=True).state() == state
+def test_events_of_other_kinds_are_ignored(start_process: Callable[..., MissionProcess]) -> None:
+    process = start_process()
+    process.journal.record_event("goal_sent", action="/navigate_to_pose", goal="00")
+    state = process.state()
+    process.crash()
+    assert start_process(resume=True).state() == state
 
 
-def test_without_a_journal_nothing_is_written() -> None:
+def test_run_works_with_journal_in_memory() -> None:
     run = MISSION.begin(ParameterReader(PARAMETERS))
     run.use_journal(Journal())
     run.context[MissionRecord].base_reached()
@@ -333,14 +335,14 @@ def test_without_a_journal_nothing_is_written() -> None:
         ("area_drawn", {"zone": "zone_z", "x": 0.0, "y": float("nan"), "yaw": 0.0}),
     ],
 )
-def test_a_fact_with_a_position_that_is_none_is_refused(kind: str, data: dict[str, Any]) -> None:
+def test_event_with_invalid_position_is_rejected(kind: str, data: dict[str, Any]) -> None:
     journal = Journal()
     journal.earlier_events = lambda: [JournalEntry(1, 1, 0.0, 0.0, kind, data)]  # type: ignore[method-assign]
     with pytest.raises(JournalError, match="contradicts the events before it: "):
         MISSION.begin(ParameterReader(PARAMETERS)).use_journal(journal)
 
 
-def test_numbers_that_lost_facts_have_given_are_not_given_again() -> None:
+def test_numbers_of_lost_events_are_not_reused() -> None:
     journal, run = Journal(), MISSION.begin(ParameterReader(PARAMETERS))
     lost = {"count": 5, "numbers": {"survivor": 7}}
     journal.earlier_events = lambda: [JournalEntry(1, 1, 0.0, 0.0, "facts_lost", lost)]  # type: ignore[method-assign]

@@ -1,4 +1,4 @@
-"""KeepReport and DeliverReports against a scripted base station."""
+"""Tests of KeepReport and DeliverReports with a scripted base station."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -44,9 +44,7 @@ def ids(service: "ScriptedService") -> list[str]:
 
 
 class TestKeepReport:
-    def test_the_report_of_the_survivor_that_was_found_is_kept_and_noted(
-        self, stage: "Stage", kept: StoredReports
-    ) -> None:
+    def test_report_of_found_survivor_is_stored_and_logged(self, stage: "Stage", kept: StoredReports) -> None:
         stage.record.survivor_named("survivor_1", -2.5, 3.2)
         assert stage.run(keep(stage, kept, (-2.5, 3.2), "survivor_1")) is Status.SUCCESS
         assert list(kept) == [FIRST]
@@ -54,7 +52,7 @@ class TestKeepReport:
         assert stage.lines == ["The report of survivor_1 is stored until base acknowledges it."]
         assert stage.warnings == []
 
-    def test_a_report_that_an_earlier_run_has_delivered_is_not_kept_again(
+    def test_report_acknowledged_in_earlier_run_is_not_stored_again(
         self, stage: "Stage", kept: StoredReports
     ) -> None:
         stage.record.survivor_named("survivor_1", -2.5, 3.2)
@@ -71,7 +69,7 @@ class TestKeepReport:
     @pytest.mark.parametrize(
         ("pose", "missing"), [(None, "no survivor was found"), ((1.0, 2.0), "the survivor has no name yet")]
     )
-    def test_without_a_survivor_with_a_name_there_is_nothing_to_keep(
+    def test_storing_without_named_survivor_fails(
         self, stage: "Stage", kept: StoredReports, pose: tuple[float, float] | None, missing: str
     ) -> None:
         assert stage.run(keep(stage, kept, pose, None)) is Status.FAILURE
@@ -80,31 +78,27 @@ class TestKeepReport:
 
 
 class TestDeliverReports:
-    def test_with_nothing_kept_it_succeeds_at_once_and_asks_nobody(
-        self, stage: "Stage", kept: StoredReports
-    ) -> None:
+    def test_empty_queue_succeeds_at_once(self, stage: "Stage", kept: StoredReports) -> None:
         leaf = deliver(stage, kept)
         leaf.tick_once()
         assert leaf.status is Status.SUCCESS
         assert stage.lines == []
 
-    def test_every_report_is_sent_once_the_oldest_first(self, stage: "Stage", kept: StoredReports) -> None:
+    def test_reports_are_sent_once_oldest_first(self, stage: "Stage", kept: StoredReports) -> None:
         service = stage.report_service(acknowledged=True)
         assert stage.run(deliver(stage, kept, FIRST, SECOND)) is Status.SUCCESS
         assert ids(service) == ["survivor_1", "survivor_2"]
         assert not kept
         assert all(survivor.acknowledged for survivor in stage.record.survivors)
 
-    def test_a_report_names_the_survivor_and_the_point_in_map(
-        self, stage: "Stage", kept: StoredReports
-    ) -> None:
+    def test_report_contains_name_and_point_in_map(self, stage: "Stage", kept: StoredReports) -> None:
         service = stage.report_service(acknowledged=True)
         stage.run(deliver(stage, kept, SECOND))
         location = service.requests[0].location
         assert location.header.frame_id == "map"
         assert (location.point.x, location.point.y, location.point.z) == (4.1, -2.5, 0.0)
 
-    def test_a_report_that_is_refused_stays_kept_and_holds_up_no_other(
+    def test_refused_report_stays_and_does_not_block_others(
         self, stage: "Stage", kept: StoredReports
     ) -> None:
         service = stage.report_service(acknowledged=True)
@@ -116,7 +110,7 @@ class TestDeliverReports:
         assert list(kept) == [FIRST]
         assert stage.warnings == ["Base did not acknowledge survivor_1."]
 
-    def test_a_base_that_does_not_answer_is_asked_for_one_report_only(
+    def test_unresponsive_base_is_asked_for_one_report_only(
         self, stage: "Stage", kept: StoredReports
     ) -> None:
         service = stage.report_service(acknowledged=True)
@@ -125,16 +119,12 @@ class TestDeliverReports:
         assert len(service.requests) <= 1
         assert list(kept) == [FIRST, SECOND]
 
-    def test_an_absent_base_costs_the_deadline_and_no_report(
-        self, stage: "Stage", kept: StoredReports
-    ) -> None:
+    def test_absent_base_fails_and_keeps_report(self, stage: "Stage", kept: StoredReports) -> None:
         assert stage.run(deliver(stage, kept, FIRST, server_timeout_sec=0.0)) is Status.FAILURE
         assert "no server for the service" in stage.warnings[0]
         assert list(kept) == [FIRST]
 
-    def test_what_was_refused_is_tried_again_when_the_leaf_is_entered_again(
-        self, stage: "Stage", kept: StoredReports
-    ) -> None:
+    def test_refused_report_is_retried_on_next_entry(self, stage: "Stage", kept: StoredReports) -> None:
         service = stage.report_service(acknowledged=False)
         leaf = deliver(stage, kept, FIRST)
         assert stage.run(leaf) is Status.FAILURE
@@ -142,9 +132,7 @@ class TestDeliverReports:
         assert stage.run(leaf) is Status.SUCCESS
         assert ids(service) == ["survivor_1", "survivor_1"]
 
-    def test_with_a_back_off_it_waits_before_it_sends_again(
-        self, stage: "Stage", kept: StoredReports
-    ) -> None:
+    def test_backoff_delays_next_attempt(self, stage: "Stage", kept: StoredReports) -> None:
         service, clock = stage.report_service(acknowledged=False), ManualClock()
         leaf = deliver(stage, kept, FIRST, backoff_sec=5.0, clock=clock)
         assert stage.run(leaf) is Status.FAILURE
@@ -158,9 +146,7 @@ class TestDeliverReports:
         assert stage.run(leaf) is Status.FAILURE
         assert ids(service) == ["survivor_1", "survivor_1"]
 
-    def test_a_new_report_does_not_wait_for_the_end_of_a_back_off(
-        self, stage: "Stage", kept: StoredReports
-    ) -> None:
+    def test_new_report_ends_backoff(self, stage: "Stage", kept: StoredReports) -> None:
         service = stage.report_service(acknowledged=False)
         leaf = deliver(stage, kept, FIRST, backoff_sec=5.0, clock=ManualClock())
         stage.run(leaf)
@@ -168,15 +154,13 @@ class TestDeliverReports:
         stage.run(leaf)
         assert ids(service) == ["survivor_1", "survivor_1", "survivor_2"]
 
-    def test_an_absent_base_is_not_sought_again_in_a_back_off(
-        self, stage: "Stage", kept: StoredReports
-    ) -> None:
+    def test_absent_base_is_not_looked_up_during_backoff(self, stage: "Stage", kept: StoredReports) -> None:
         leaf = deliver(stage, kept, FIRST, backoff_sec=5.0, clock=ManualClock(), server_timeout_sec=0.0)
         assert stage.run(leaf) is Status.FAILURE
         leaf.tick_once()
         assert leaf.status is Status.RUNNING
 
-    def test_a_delivery_that_is_interrupted_begins_anew_with_what_is_kept(
+    def test_interrupted_delivery_starts_over_with_stored_reports(
         self, stage: "Stage", kept: StoredReports
     ) -> None:
         service = stage.report_service(acknowledged=True)

@@ -1,4 +1,4 @@
-"""The resilient tree, simulated without a robot."""
+"""Tests of the resilient tree, simulated without a robot."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ TREE = Path("trees/search_and_rescue_resilient.xml")
 
 
 class Always:
-    """Has leaves, by name or tag, answer the same whenever they can, and what is usual otherwise."""
+    """Chooses a fixed outcome for leaves, by name or tag, whenever it is possible, and the nominal one otherwise."""
 
     def __init__(self, **answers: str) -> None:
         self._answers = answers
@@ -35,7 +35,7 @@ def tick(simulated: SimulatedTree) -> Status:
     return simulated.root.status
 
 
-def flown(**answers: str) -> SimulatedTree:
+def run_mission(**answers: str) -> SimulatedTree:
     simulated = compile_simulated(bind_main(load_forest(TREE, read_tree_file), default_registry()), {})
     simulated.policy = Always(**answers)
     for _ in range(200):
@@ -45,50 +45,48 @@ def flown(**answers: str) -> SimulatedTree:
     raise AssertionError(message)
 
 
-def answered(simulated: SimulatedTree) -> list[str]:
+def event_lines(simulated: SimulatedTree) -> list[str]:
     return [f"{event.leaf} {event.outcome}" for event in simulated.events if event.outcome]
 
 
-# Which leaf fails whenever it can, and how the mission ends.
-DAYS = {
+# The outcomes that leaves have whenever possible, and the final status of the mission.
+CASES = {
     "nothing fails": ({}, Status.SUCCESS),
-    "every zone is out of reach": ({"NavigateToZone": "aborted"}, Status.FAILURE),
-    "nobody answers about zones": ({"DetectSurvivor": "no answer"}, Status.FAILURE),
+    "every zone is unreachable": ({"NavigateToZone": "aborted"}, Status.FAILURE),
+    "no detection service responds": ({"DetectSurvivor": "no answer"}, Status.FAILURE),
     "every report is refused": ({"NotifyBase": "refused", "DeliverReports": "refused"}, Status.FAILURE),
-    "base wakes up at last": ({"NotifyBase": "refused"}, Status.SUCCESS),
-    "home is out of reach": ({"NavigateToBase": "aborted"}, Status.FAILURE),
-    "Nav2 stays away": (
+    "reports are delivered later": ({"NotifyBase": "refused"}, Status.SUCCESS),
+    "home is unreachable": ({"NavigateToBase": "aborted"}, Status.FAILURE),
+    "Nav2 is unavailable": (
         {"NavigateToZone": "unavailable", "NavigateToBase": "unavailable"},
         Status.FAILURE,
     ),
-    "every drive waits for ever": (
+    "every drive waits forever": (
         {"NavigateToZone": "waiting for Nav2", "NavigateToBase": "waiting for Nav2"},
         Status.FAILURE,
     ),
-    "every drive takes for ever": (
+    "every drive takes forever": (
         {"NavigateToZone": "driving", "NavigateToBase": "driving"},
         Status.FAILURE,
     ),
 }
 
 
-@pytest.mark.parametrize(("answers", "end"), DAYS.values(), ids=DAYS)
-def test_the_mission_ends_and_succeeds_only_if_nothing_is_missing(
-    answers: dict[str, str], end: Status
-) -> None:
-    assert flown(**answers).root.status is end
+@pytest.mark.parametrize(("answers", "end"), CASES.values(), ids=CASES)
+def test_mission_ends_and_succeeds_only_if_nothing_is_missing(answers: dict[str, str], end: Status) -> None:
+    assert run_mission(**answers).root.status is end
 
 
-@pytest.mark.parametrize(("answers", "end"), DAYS.values(), ids=DAYS)
-def test_a_mission_that_is_over_stays_over(answers: dict[str, str], end: Status) -> None:
-    simulated = flown(**answers)
+@pytest.mark.parametrize(("answers", "end"), CASES.values(), ids=CASES)
+def test_finished_mission_stays_finished(answers: dict[str, str], end: Status) -> None:
+    simulated = run_mission(**answers)
     simulated.events.clear()
     assert [tick(simulated) for _ in range(3)] == [end] * 3
     assert simulated.events == []
 
 
-def test_a_zone_out_of_reach_is_tried_twice_in_each_of_three_rounds() -> None:
-    said = answered(flown(NavigateToZone="aborted"))
+def test_unreachable_zone_is_tried_twice_in_each_of_three_rounds() -> None:
+    said = event_lines(run_mission(NavigateToZone="aborted"))
     assert said.count("NavigateToZone aborted") == 3 * 3 * 2
     assert said.count("PostponeZone postponed") == 3 * 2
     assert said.count("AbandonZone abandoned") == 3
@@ -96,19 +94,19 @@ def test_a_zone_out_of_reach_is_tried_twice_in_each_of_three_rounds() -> None:
 
 
 @pytest.mark.parametrize("answer", ["unavailable", "waiting for Nav2"])
-def test_a_zone_that_nobody_can_drive_to_is_neither_postponed_nor_abandoned(answer: str) -> None:
-    said = answered(flown(NavigateToZone=answer))
+def test_zone_is_neither_postponed_nor_abandoned_while_nav2_is_away(answer: str) -> None:
+    said = event_lines(run_mission(NavigateToZone=answer))
     assert not {"PostponeZone postponed", "AbandonZone abandoned"} & set(said)
     assert said.count("AbandonZonesUnavailable abandoned") == 1
     assert said.count("NavigateToBase arrived") == 1
 
 
-def test_a_survivor_is_named_once_whatever_becomes_of_the_report() -> None:
-    said = answered(flown(NotifyBase="refused", DeliverReports="refused"))
+def test_survivor_is_named_once_even_if_report_is_refused() -> None:
+    said = event_lines(run_mission(NotifyBase="refused", DeliverReports="refused"))
     assert said.count("BroadcastSurvivorTF named") == said.count("AdvanceZone advanced") == 3
     assert "LogNoDetection logged" not in said
 
 
-def test_reports_are_delivered_even_if_the_robot_does_not_get_home() -> None:
-    said = answered(flown(NotifyBase="refused", DeliverOnTheWay="refused", NavigateToBase="aborted"))
+def test_reports_are_delivered_even_if_return_fails() -> None:
+    said = event_lines(run_mission(NotifyBase="refused", DeliverOnTheWay="refused", NavigateToBase="aborted"))
     assert said.index("NavigateToBase aborted") < said.index("DeliverReports delivered")

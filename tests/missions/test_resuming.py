@@ -1,4 +1,4 @@
-"""What a mission must have in common with the one in a journal."""
+"""Tests of the checks before a resume: tree, mission and parameters must match the journal."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,37 +23,37 @@ IDENTITY = {"zones": [{"id": "zone_a", "x": 1.0}], "base_station": {"x": 0.0}}
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Path:
+def journal_path(tmp_path: Path) -> Path:
     return tmp_path / "mission.journal"
 
 
-def compiled(folder: Path, body: str) -> CompiledTree:
+def compile_body(folder: Path, body: str) -> CompiledTree:
     path = folder / "tree.xml"
     path.write_text(document(body), encoding="utf-8")
     return load(path).compile()
 
 
 @pytest.fixture
-def journal(place: Path, tmp_path: Path) -> Iterator[Journal]:
-    """A journal that is resumed."""
-    first = open_journal(place)
-    tree = json_data(outline(compiled(tmp_path, BODY)))
+def journal(journal_path: Path, tmp_path: Path) -> Iterator[Journal]:
+    """A resumed journal."""
+    first = open_journal(journal_path)
+    tree = json_data(outline(compile_body(tmp_path, BODY)))
     about = {"mission": "patrol", "simulated": False, "identity": json_data(IDENTITY), "tree": tree}
     first.begin(about, {})
     first.close()
-    journal = open_journal(place, resume=True)
+    journal = open_journal(journal_path, resume=True)
     yield journal
     journal.close()
 
 
-def held(journal: Journal, tree: CompiledTree) -> None:
+def check_tree(journal: Journal, tree: CompiledTree) -> None:
     require_same_tree(journal, tree, json_data(outline(tree)))
 
 
-def test_the_same_tree_in_another_place_and_form_is_the_same(journal: Journal, tmp_path: Path) -> None:
+def test_moved_and_reformatted_tree_is_the_same(journal: Journal, tmp_path: Path) -> None:
     folder = tmp_path / "elsewhere"
     folder.mkdir()
-    held(journal, compiled(folder, f"<!-- moved -->\n\n{BODY.replace('><', '> <')}"))
+    check_tree(journal, compile_body(folder, f"<!-- moved -->\n\n{BODY.replace('><', '> <')}"))
 
 
 @pytest.mark.parametrize(
@@ -66,11 +66,11 @@ def test_the_same_tree_in_another_place_and_form_is_the_same(journal: Journal, t
         ('<AlwaysSuccess name="S"/>', "class is ", "<AlwaysSuccess"),
     ],
 )
-def test_another_tree_is_a_finding_at_the_first_node_that_differs(
+def test_different_tree_is_an_error_at_first_difference(
     journal: Journal, tmp_path: Path, body: str, words: str, line: str
 ) -> None:
     with pytest.raises(TreeError) as error:
-        held(journal, compiled(tmp_path, body))
+        check_tree(journal, compile_body(tmp_path, body))
     (finding,) = error.value.findings
     assert finding.code == "other-tree"
     assert words in finding.message
@@ -80,13 +80,13 @@ def test_another_tree_is_a_finding_at_the_first_node_that_differs(
 
 
 @pytest.mark.parametrize("tree", [None, 7, "text", {"children": 5}, {"attributes": []}, {"children": [None]}])
-def test_a_tree_that_is_damaged_is_another_tree(place: Path, tmp_path: Path, tree: Any) -> None:
-    first = open_journal(place)
+def test_damaged_tree_in_journal_is_a_different_tree(journal_path: Path, tmp_path: Path, tree: Any) -> None:
+    first = open_journal(journal_path)
     first.begin({"tree": tree, "identity": tree, "simulated": False}, {})
     first.close()
-    journal = open_journal(place, resume=True)
+    journal = open_journal(journal_path, resume=True)
     with pytest.raises(TreeError, match="has a different tree"):
-        held(journal, compiled(tmp_path, BODY))
+        check_tree(journal, compile_body(tmp_path, BODY))
     with pytest.raises(ParameterError):
         require_same_identity(journal, about(mission=None))
     journal.close()
@@ -96,11 +96,11 @@ def about(**changes: Any) -> dict[str, Any]:
     return {"mission": "patrol", "simulated": False, "identity": json_data(IDENTITY), **changes}
 
 
-def test_the_same_mission_goes_on(journal: Journal) -> None:
+def test_same_mission_can_be_resumed(journal: Journal) -> None:
     require_same_identity(journal, about())
 
 
-def test_every_parameter_that_is_another_one_is_named(journal: Journal) -> None:
+def test_every_changed_parameter_is_named(journal: Journal) -> None:
     other = {"zones": [{"id": "zone_a", "x": 2.0}], "base_station": {"x": 1.0}}
     with pytest.raises(ParameterError) as error:
         require_same_identity(journal, about(identity=other))
@@ -108,21 +108,21 @@ def test_every_parameter_that_is_another_one_is_named(journal: Journal) -> None:
     assert "{'x': 1.0}, but " in str(error.value)
 
 
-def test_another_mission_is_named(journal: Journal) -> None:
+def test_different_mission_is_named(journal: Journal) -> None:
     with pytest.raises(
         JournalError, match="belongs to the mission 'patrol', but this is a tree without a mission"
     ):
         require_same_identity(journal, about(mission=None))
 
 
-def test_what_a_simulated_robot_has_done_no_real_one_goes_on_with(journal: Journal) -> None:
+def test_simulation_cannot_resume_run_of_a_robot(journal: Journal) -> None:
     with pytest.raises(
         JournalError, match="was started with a robot, and cannot be resumed with a simulation"
     ):
         require_same_identity(journal, about(simulated=True))
 
 
-def test_parameters_are_compared_as_they_are_read_from_a_file() -> None:
+def test_parameters_are_compared_as_json_values() -> None:
     from array import array
 
     assert json_data({"points": (1, 2.5), "order": array("d", [1.0]), "name": "a", "none": None}) == {

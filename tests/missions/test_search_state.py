@@ -1,4 +1,4 @@
-"""What a search makes of its facts, and what it shows of that."""
+"""Tests of the state and display of a search, computed from its events."""
 
 from pathlib import Path
 from typing import Any
@@ -22,27 +22,27 @@ def search() -> Search:
     return Search(ZoneManager(plan, {"x": 9.0, "y": 9.0, "yaw": 0.0}))
 
 
-def shown(search: Search, kind: str) -> list[tuple[Any, ...]]:
+def displayed_states(search: Search, kind: str) -> list[tuple[Any, ...]]:
     return [(each.name, each.state, each.level) for each in search.display().landmarks if each.kind == kind]
 
 
-def test_every_fact_of_a_search_reads_as_a_sentence() -> None:
+def test_every_event_of_search_has_a_sentence() -> None:
     from search_and_rescue.search import _SENTENCES
 
     handled = {*MissionRecord._HANDLERS, *SweepStates._HANDLERS, *ZoneManager._HANDLERS}
-    # These are told by who keeps the journal.
+    # The journal itself has the sentences of these events.
     assert handled - {*OF_EVERY_MISSION} == set(_SENTENCES) - {search_events.COMMAND_GIVEN}
     declared = {value for name, value in vars(search_events).items() if name.isupper()}
     assert declared == set(_SENTENCES)
 
 
 @pytest.mark.parametrize("is_resumed", [False, True])
-def test_an_event_that_no_search_has_is_refused_when_it_is_written_and_when_a_run_is_resumed(
+def test_unknown_event_is_rejected_on_write_and_on_resume(
     search: Search, tmp_path: Path, is_resumed: bool
 ) -> None:
     place = tmp_path / "search.journal"
     journal = open_journal(place)
-    if is_resumed:  # as a newer version has written it
+    if is_resumed:  # as if a newer version had written it
         journal.begin({}, {})
         journal.record_event("zone_flooded", zone="a")
         journal.close()
@@ -59,30 +59,30 @@ def test_an_event_that_no_search_has_is_refused_when_it_is_written_and_when_a_ru
 
 
 @pytest.mark.parametrize("kind", OF_EVERY_MISSION)
-def test_events_of_every_mission_leave_a_search_as_it_is(search: Search, kind: str) -> None:
+def test_events_of_every_mission_do_not_change_search(search: Search, kind: str) -> None:
     before = search.display()
     search.apply(JournalEntry(1, 1, 0.0, 0.0, kind, {"numbers": {}}))
     assert search.display() == before
 
 
-def test_zones_have_their_states(search: Search) -> None:
+def test_zones_have_states(search: Search) -> None:
     search.record.zone_searched("a", None)
     search.zones.select_next_zone()
     search.zones.abandon("the operator has skipped it")
     search.record.zone_started("c")
-    assert shown(search, "zone") == [
+    assert displayed_states(search, "zone") == [
         ("a", "visited", Level.DONE),
         ("b", "abandoned", Level.GIVEN_UP),
         ("c", "under way", Level.IN_HAND),
         ("d", "open", Level.TO_COME),
     ]
     search.record.zone_searched("c", None)
-    assert shown(search, "zone")[2] == ("c", "searched", Level.IN_HAND)
+    assert displayed_states(search, "zone")[2] == ("c", "searched", Level.IN_HAND)
     search.zones.postpone()
-    assert shown(search, "zone")[2] == ("c", "postponed", Level.TO_COME)
+    assert displayed_states(search, "zone")[2] == ("c", "postponed", Level.TO_COME)
 
 
-def test_a_zone_that_is_given_up_says_why(search: Search) -> None:
+def test_abandoned_zone_states_reason(search: Search) -> None:
     search.record.zone_started("a")
     search.zones.abandon()
     search.zones.abandon("the operator has skipped it")
@@ -90,17 +90,17 @@ def test_a_zone_that_is_given_up_says_why(search: Search) -> None:
     assert reasons == ["after attempt 1", "the operator has skipped it", "", ""]
 
 
-def test_a_zone_where_nobody_has_looked_is_not_done_wherever_the_robot_was(search: Search) -> None:
+def test_unsearched_zone_is_not_done(search: Search) -> None:
     search.zones.select_next_zone()
     search.record.zone_searched("b", None)
     search.zones.abandon()
-    assert shown(search, "zone")[:2] == [
+    assert displayed_states(search, "zone")[:2] == [
         ("a", "visited, not searched", Level.GIVEN_UP),
         ("b", "searched, abandoned", Level.DONE),
     ]
 
 
-def test_survivors_have_theirs(search: Search) -> None:
+def test_survivors_have_states(search: Search) -> None:
     record = search.record
     for x, name in ((1.0, "survivor_1"), (20.0, "survivor_2"), (40.0, "survivor_3")):
         record.zone_searched("a", (x, 1.0))
@@ -109,7 +109,7 @@ def test_survivors_have_theirs(search: Search) -> None:
     record.survivor_judged("survivor_2", DetectionVerdict.REJECTED)
     record.report_kept(SurvivorReport("survivor_3", 40.0, 1.0))
     record.zone_searched("a", (60.0, 1.0))
-    assert shown(search, "survivor") == [
+    assert displayed_states(search, "survivor") == [
         ("survivor_1", "candidate", Level.DONE),
         ("survivor_2", "rejected", Level.GIVEN_UP),
         ("survivor_3", "candidate", Level.IN_HAND),
@@ -119,20 +119,20 @@ def test_survivors_have_theirs(search: Search) -> None:
     assert details == ["acknowledged", "not sent", "kept", "not sent"]
 
 
-def test_two_who_have_no_name_yet_are_two_however_near_they_are(search: Search) -> None:
+def test_nearby_unnamed_detections_stay_separate(search: Search) -> None:
     for y in (0.0, 0.001):
         search.record.zone_searched("a", (1.0, y))
-    assert [name for name, *_ in shown(search, "survivor")] == ["find 1", "find 2"]
+    assert [name for name, *_ in displayed_states(search, "survivor")] == ["find 1", "find 2"]
 
 
-def test_the_base_station_is_done_while_the_robot_is_there(search: Search) -> None:
+def test_base_station_is_done_while_robot_is_there(search: Search) -> None:
     search.record.base_reached()
-    assert shown(search, "base") == [("base station", "home", Level.DONE)]
+    assert displayed_states(search, "base") == [("base station", "home", Level.DONE)]
     search.record.zone_started("a")
-    assert shown(search, "base") == [("base station", "", Level.TO_COME)]
+    assert displayed_states(search, "base") == [("base station", "", Level.TO_COME)]
 
 
-def test_the_geofence_is_an_outline() -> None:
+def test_geofence_is_displayed_with_its_corners() -> None:
     corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0)]
     search = Search(ZoneManager([], {"x": 0.0, "y": 0.0, "yaw": 0.0}), fence=Geofence(corners))
     assert [tuple(each.corners) for each in search.display().landmarks if each.kind == "geofence"] == [
@@ -140,7 +140,7 @@ def test_the_geofence_is_an_outline() -> None:
     ]
 
 
-def test_it_says_how_far_it_is(search: Search) -> None:
+def test_figures_state_progress(search: Search) -> None:
     search.zones.select_next_zone()
     search.record.zone_searched("b", (1.0, 2.0))
     assert [each.text for each in search.display().figures] == [
@@ -150,7 +150,7 @@ def test_it_says_how_far_it_is(search: Search) -> None:
     ]
 
 
-def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
+def test_phase_is_held_while_operator_pauses_mission(search: Search) -> None:
     search.record.zone_started("a")
     search.orders.record("pause")
     assert search.display().phase == ("held", "by the operator", "a")
@@ -175,11 +175,11 @@ def test_it_is_held_while_the_operator_holds_it(search: Search) -> None:
         ("base_reached", {}, "reached the base station"),
     ],
 )
-def test_a_fact_is_a_sentence(search: Search, kind: str, data: dict[str, Any], sentence: str) -> None:
+def test_event_is_a_sentence(search: Search, kind: str, data: dict[str, Any], sentence: str) -> None:
     assert search.sentence(JournalEntry(1, 1, 0.0, 0.0, kind, data)) == sentence
 
 
-def test_no_zone_is_under_way_once_the_run_has_ended(search: Search, tmp_path: Path) -> None:
+def test_no_zone_is_under_way_after_end_of_run(search: Search, tmp_path: Path) -> None:
     journal = open_journal(tmp_path / "mission.journal")
     search.use_journal(journal)
     journal.begin({}, {})
@@ -188,4 +188,4 @@ def test_no_zone_is_under_way_once_the_run_has_ended(search: Search, tmp_path: P
 
     journal.end_run(Ending.STOPPED, 130)
     journal.close()
-    assert shown(search, "zone")[0] == ("a", "open", Level.TO_COME)
+    assert displayed_states(search, "zone")[0] == ("a", "open", Level.TO_COME)

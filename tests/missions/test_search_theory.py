@@ -1,4 +1,4 @@
-"""Where somebody may be, how well it was looked, and in which order: held against all orders, and against searches that are simulated."""
+"""Tests of search theory: probabilities and orders, compared with all permutations and with simulated searches."""
 
 import itertools
 import math
@@ -32,7 +32,7 @@ _ALL_ORDERS = np.array(list(itertools.permutations(range(AREAS))))
 
 
 def mission(seed: int, count: int) -> tuple[TourInputs, PoaMap]:
-    """Return areas in 40 m by chance: Pareto POA, POD 0.5 to 0.95, ways at 0.5 m/s and looks of 5 to 60 s."""
+    """Return random areas within 40 m: Pareto POA, POD 0.5 to 0.95, paths at 0.5 m/s and searches of 5 to 60 s."""
     chance = np.random.default_rng(seed)
     places = [(chance.uniform(0, 40), chance.uniform(0, 40)) for _ in range(count + 1)]
     ways = [[math.dist(a, b) / 0.5 for b in places[1:]] for a in places]
@@ -56,16 +56,16 @@ def least_of_all_orders(tour: TourInputs) -> float:
 
 
 @pytest.mark.unmeasured
-def test_of_eight_areas_no_order_finds_sooner_than_the_chosen_one() -> None:
+def test_chosen_order_of_eight_areas_is_optimal() -> None:
     for seed in range(rounds(200)):
         tour, _ = mission(seed, AREAS)
-        told = tour.expected_find(order_areas("expected_find", tour))
-        assert told == pytest.approx(least_of_all_orders(tour), rel=1e-6), seed
+        expected = tour.expected_find(order_areas("expected_find", tour))
+        assert expected == pytest.approx(least_of_all_orders(tour), rel=1e-6), seed
 
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("count", [15, 16, 17, 18])
-def test_beyond_what_is_exact_the_chosen_order_is_at_most_two_percent_longer(count: int) -> None:
+def test_approximate_order_is_at_most_two_percent_longer(count: int) -> None:
     assert count > EXACT_UP_TO
     for seed in range(rounds(3)):
         tour, _ = mission(1000 * count + seed, count)
@@ -75,7 +75,7 @@ def test_beyond_what_is_exact_the_chosen_order_is_at_most_two_percent_longer(cou
         assert best * (1 - 1e-6) <= tour.expected_find(chosen) <= 1.02 * best, seed
 
 
-def test_a_beam_that_keeps_one_beginning_is_mended_to_an_order_of_all_areas() -> None:
+def test_beam_of_width_one_orders_all_areas_within_ten_percent() -> None:
     for seed in range(rounds(20)):
         tour, _ = mission(seed, AREAS)
         chosen = beam(tour, width=1)
@@ -83,7 +83,7 @@ def test_a_beam_that_keeps_one_beginning_is_mended_to_an_order_of_all_areas() ->
         assert tour.expected_find(chosen) <= 1.1 * least_of_all_orders(tour), seed
 
 
-def test_by_the_index_rule_eight_areas_are_ordered_at_most_a_tenth_worse_than_by_the_best_order() -> None:
+def test_index_rule_orders_eight_areas_within_ten_percent() -> None:
     for seed in range(rounds(20)):
         tour, _ = mission(seed, AREAS)
         chosen = greedy_index_order(tour)
@@ -91,7 +91,7 @@ def test_by_the_index_rule_eight_areas_are_ordered_at_most_a_tenth_worse_than_by
         assert tour.expected_find(chosen) <= 1.1 * least_of_all_orders(tour), seed
 
 
-def test_by_the_index_rule_no_area_stands_better_elsewhere() -> None:
+def test_moving_one_area_does_not_improve_order_of_index_rule() -> None:
     for seed in range(rounds(5)):
         tour, _ = mission(seed, 20)
         chosen = greedy_index_order(tour)
@@ -102,7 +102,7 @@ def test_by_the_index_rule_no_area_stands_better_elsewhere() -> None:
             assert tour.expected_find(moved) >= least, (seed, area, at)
 
 
-def test_more_areas_than_a_beam_can_search_are_ordered_by_the_index_rule() -> None:
+def test_ordering_method_depends_on_number_of_areas() -> None:
     sizes = {EXACT_UP_TO: optimal_order, EXACT_UP_TO + 1: beam, BEAM_UP_TO + 1: greedy_index_order}
     for count, method in sizes.items():
         tour, _ = mission(count, count)
@@ -113,20 +113,20 @@ def test_more_areas_than_a_beam_can_search_are_ordered_by_the_index_rule() -> No
     assert sorted(order_areas("expected_find", tour)) == list(range(300))
 
 
-def test_the_index_rule_orders_areas_without_a_way_and_a_single_one() -> None:
+def test_index_rule_orders_areas_without_distances_and_single_area() -> None:
     assert greedy_index_order(TourInputs([0.0], [[0.0]], [0.0], [0.5])) == [0]
     no_ways = TourInputs([0.0] * 3, [[0.0] * 3] * 3, [0.0] * 3, [0.1, 0.3, 0.2])
     assert sorted(greedy_index_order(no_ways)) == [0, 1, 2]
 
 
-def test_forty_areas_are_ordered_better_than_by_the_nearest() -> None:
+def test_forty_areas_are_ordered_better_than_by_nearest() -> None:
     tour, _ = mission(7, 40)
     assert tour.expected_find(order_areas("expected_find", tour)) < tour.expected_find(
         order_areas("nearest", tour)
     )
 
 
-def test_the_listed_order_is_kept_and_the_nearest_is_the_nearest_of_what_is_left() -> None:
+def test_listed_order_is_kept_and_nearest_order_is_greedy() -> None:
     tour = TourInputs(
         [3.0, 1.0, 2.0], [[0.0, 9.0, 1.0], [5.0, 0.0, 6.0], [1.0, 9.0, 0.0]], [0.0] * 3, [0.3] * 3
     )
@@ -140,18 +140,18 @@ def test_no_area_and_one_area_have_one_order(order: str) -> None:
     assert order_areas(order, TourInputs([1.0], [[0.0]], [1.0], [0.5])) == [0]  # type: ignore[arg-type]
 
 
-def test_where_nobody_can_be_it_is_looked_last_and_on_the_shorter_way() -> None:
+def test_areas_without_probability_come_last_on_shorter_path() -> None:
     ways = [[abs(a - b) for b in (1.0, 2.0, 3.0, 9.0)] for a in (1.0, 2.0, 3.0, 9.0)]
     tour = TourInputs([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0, 0.0, 0.0, 0.5])
     assert order_areas("expected_find", tour) == [3, 2, 1, 0]
     assert tour.expected_find([3, 2, 1, 0]) == 10.0
-    nobody = TourInputs([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0] * 4)
-    assert order_areas("expected_find", nobody) == [0, 1, 2, 3]
-    assert nobody.expected_find([0, 1, 2, 3]) == 0.0
+    certainly_empty = TourInputs([1.0, 2.0, 3.0, 9.0], ways, [1.0] * 4, [0.0] * 4)
+    assert order_areas("expected_find", certainly_empty) == [0, 1, 2, 3]
+    assert certainly_empty.expected_find([0, 1, 2, 3]) == 0.0
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_simulated_searches_find_as_soon_and_as_often_as_was_told(seed: int) -> None:
+def test_simulated_searches_match_expected_time_and_pos(seed: int) -> None:
     tour, before = mission(seed, AREAS)
     order, searches = order_areas("expected_find", tour), 10_000
     chance = np.random.default_rng(seed)
@@ -164,8 +164,8 @@ def test_simulated_searches_find_as_soon_and_as_often_as_was_told(seed: int) -> 
     times = ends[where[found]]
     error = times.std() / math.sqrt(len(times))
     assert abs(times.mean() - tour.expected_find(order)) < SIGMAS * error
-    told = PoaMap(before.poa, before.pod, dict.fromkeys(before.poa, 1)).pos()
-    assert abs(found.mean() - told) < SIGMAS * math.sqrt(told * (1 - told) / searches)
+    expected = PoaMap(before.poa, before.pod, dict.fromkeys(before.poa, 1)).pos()
+    assert abs(found.mean() - expected) < SIGMAS * math.sqrt(expected * (1 - expected) / searches)
 
 
 maps = st.integers(1, 6).flatmap(
@@ -179,7 +179,7 @@ maps = st.integers(1, 6).flatmap(
 
 @settings(max_examples=rounds(200))
 @given(maps)
-def test_after_each_look_that_missed_the_map_is_as_bayes_has_it(
+def test_probabilities_after_failed_searches_follow_bayes(
     drawn: tuple[list[float], list[float], list[int]],
 ) -> None:
     shares, pods, looks = drawn
@@ -201,7 +201,7 @@ def test_after_each_look_that_missed_the_map_is_as_bayes_has_it(
             assert seen.pos() == pytest.approx(1 - missed, rel=1e-6, abs=1e-9)
 
 
-def test_a_look_that_missed_lowers_its_area_and_raises_the_others() -> None:
+def test_failed_search_lowers_its_area_and_raises_others() -> None:
     poa, pod = {"a": 0.5, "b": 0.3}, {"a": 0.8, "b": 0.5}
     assert PoaMap(poa, pod, {}).current_probabilities() == pytest.approx(poa)
     assert PoaMap(poa, pod, {"a": 1}).current_probabilities() == pytest.approx(
@@ -210,7 +210,7 @@ def test_a_look_that_missed_lowers_its_area_and_raises_the_others() -> None:
     assert PoaMap(poa, pod, {"a": 2, "b": 1}).pos() == pytest.approx(0.5 * 0.96 + 0.3 * 0.5)
 
 
-def test_where_nobody_can_be_any_more_no_area_has_a_probability() -> None:
+def test_certainly_empty_areas_have_no_probability() -> None:
     assert PoaMap({"a": 1.0}, {"a": 1.0}, {"a": 1}).current_probabilities() == {"a": 0.0}
 
 
@@ -224,12 +224,12 @@ def test_where_nobody_can_be_any_more_no_area_has_a_probability() -> None:
         ({"a": 0.5}, {}, "a has no POD"),
     ],
 )
-def test_what_is_no_probability_is_refused(poa: dict[str, float], pod: dict[str, float], said: str) -> None:
+def test_invalid_probability_is_rejected(poa: dict[str, float], pod: dict[str, float], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         PoaMap(poa, pod, {})
 
 
-def test_tenths_that_sum_to_one_are_not_refused_for_their_rounding() -> None:
+def test_tenths_that_sum_to_one_are_not_rejected_for_rounding() -> None:
     poa = {str(area): 0.1 for area in range(10)}
     assert PoaMap(poa, dict.fromkeys(poa, 0.5), {}).pos() == 0.0
 
@@ -239,29 +239,27 @@ def test_tenths_that_sum_to_one_are_not_refused_for_their_rounding() -> None:
     ratio=st.floats(0.01, 100.0),
     elsewhere=st.floats(0.01, 1.0),
 )
-def test_a_hint_changes_the_map_by_bayes(poa: list[float], ratio: float, elsewhere: float) -> None:
+def test_hint_changes_probabilities_by_bayes(poa: list[float], ratio: float, elsewhere: float) -> None:
     total = sum(poa) + elsewhere
     areas = {str(at): SearchExpectation(each / total, 0.5) for at, each in enumerate(poa)}
     hinted = PoaMap.from_areas(areas, {}, hints={"0": ratio}).current_probabilities()
-    # How likely the hint is: the ratio where somebody is, 1 anywhere else.
+    # The likelihood of the hint: the ratio if the survivor is in the area, and 1 otherwise.
     evidence = ratio * areas["0"].poa + 1.0 - areas["0"].poa
     for name, area in areas.items():
         expected = area.poa * (ratio if name == "0" else 1.0) / evidence
         assert hinted[name] == pytest.approx(expected)
 
 
-def test_a_look_and_a_hint_count_the_same_in_either_order() -> None:
+def test_search_and_hint_have_same_effect_in_either_order() -> None:
     areas = {"a": SearchExpectation(0.5, 0.8), "b": SearchExpectation(0.3, 0.5)}
     both = PoaMap.from_areas(areas, {"a": 1}, hints={"a": 4.0}).current_probabilities()
-    # By Bayes twice: first the look, then the hint.
+    # Bayes' rule twice: first the search, then the hint.
     looked = PoaMap.from_areas(areas, {"a": 1}).current_probabilities()
     evidence = 4.0 * looked["a"] + 1.0 - looked["a"]
     assert both["a"] == pytest.approx(4.0 * looked["a"] / evidence)
 
 
 @pytest.mark.parametrize(("coverage", "at_random", "in_parallel"), [(0.0, 0.0, 0.0), (0.5, 0.393, 0.469), (1.0, 0.632, 0.790), (2.0, 0.865, 0.988)])  # fmt: skip
-def test_the_pod_of_a_coverage_is_that_of_the_tables(
-    coverage: float, at_random: float, in_parallel: float
-) -> None:
+def test_pod_of_coverage_matches_tables(coverage: float, at_random: float, in_parallel: float) -> None:
     assert random_search_pod(coverage) == pytest.approx(at_random, abs=0.001)
     assert parallel_sweep_pod(coverage) == pytest.approx(in_parallel, abs=0.001)

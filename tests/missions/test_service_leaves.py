@@ -1,4 +1,4 @@
-"""DetectSurvivor and NotifyBase against scripted services."""
+"""Tests of DetectSurvivor and NotifyBase with scripted services."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -28,8 +28,10 @@ def search(stage: "Stage", **options: Any) -> DetectSurvivor:
     return stage.take(DetectSurvivor("DetectSurvivor", stage.zones, record=stage.record, **options))
 
 
-def found(stage: "Stage", survivor_id: str | None = "survivor_1", **options: Any) -> DetectSurvivor:
-    """Make a search that has found somebody."""
+def search_that_found(
+    stage: "Stage", survivor_id: str | None = "survivor_1", **options: Any
+) -> DetectSurvivor:
+    """Return a search leaf that has found a survivor."""
     stage.detect_service(SURVIVORS)
     leaf = search(stage, **options)
     assert stage.run(leaf) is Status.SUCCESS
@@ -43,14 +45,14 @@ def report(stage: "Stage", detect: DetectSurvivor, **options: Any) -> NotifyBase
     return stage.take(NotifyBase("NotifyBase", detect, record=stage.record, **options))
 
 
-def asked(
+def tick_until_requested(
     stage: "Stage", leaf: DetectSurvivor | NotifyBase, service: "ScriptedService", times: int = 1
 ) -> None:
     stage.tick_until(leaf, lambda: len(service.requests) == times, f"request {times}")
 
 
 class TestDetectSurvivor:
-    def test_a_survivor_is_found_kept_and_recorded(self, stage: "Stage") -> None:
+    def test_survivor_is_found_stored_and_recorded(self, stage: "Stage") -> None:
         service = stage.detect_service(SURVIVORS)
         leaf = search(stage)
         assert stage.run(leaf) is Status.SUCCESS
@@ -62,12 +64,12 @@ class TestDetectSurvivor:
             "a survivor without a name in zone_a at (-2.50, 3.20)"
         ]
 
-    def test_it_logs_the_call_and_the_find_once(self, stage: "Stage") -> None:
-        found(stage)
+    def test_call_and_detection_are_logged_once(self, stage: "Stage") -> None:
+        search_that_found(stage)
         said = [line for line in stage.lines if "Waiting" not in line]
         assert said == ["Calling detect_survivor for zone_a...", "Survivor detected at zone_a!"]
 
-    def test_an_empty_zone_is_a_success_too(self, stage: "Stage") -> None:
+    def test_empty_zone_is_a_success(self, stage: "Stage") -> None:
         stage.detect_service({})
         leaf = search(stage)
         assert stage.run(leaf) is Status.SUCCESS
@@ -79,9 +81,7 @@ class TestDetectSurvivor:
     @pytest.mark.parametrize(
         "place", [(math.nan, 0.0), (0.0, math.inf), (-math.inf, math.nan), (1e308, 0.0), (0.0, -100_001.0)]
     )
-    def test_a_survivor_where_nobody_can_be_is_no_answer(
-        self, stage: "Stage", place: tuple[float, float]
-    ) -> None:
+    def test_impossible_position_is_a_failure(self, stage: "Stage", place: tuple[float, float]) -> None:
         stage.detect_service({"zone_a": place})
         leaf = search(stage)
         assert stage.run(leaf) is Status.FAILURE
@@ -91,11 +91,11 @@ class TestDetectSurvivor:
             "'DetectSurvivor' failed: detect_survivor found a survivor, but ("
         )
         assert stage.wakes == 0
-        told = [line for line in stage.record.shortfalls(stage.zones) if "an unusable position" in line]
-        assert len(told) == 1
-        assert told[0].startswith("There is a survivor at an unusable position in zone_a: (")
+        reported = [line for line in stage.record.shortfalls(stage.zones) if "an unusable position" in line]
+        assert len(reported) == 1
+        assert reported[0].startswith("There is a survivor at an unusable position in zone_a: (")
 
-    def test_a_survivor_without_a_usable_position_is_told_until_the_next_answer(self, stage: "Stage") -> None:
+    def test_unusable_position_is_a_shortfall_until_next_response(self, stage: "Stage") -> None:
         detect = stage.detect_service({"zone_a": (math.nan, 0.0)})
         leaf = search(stage)
         assert stage.run(leaf) is Status.FAILURE
@@ -105,10 +105,10 @@ class TestDetectSurvivor:
         assert "an unusable position" not in str(stage.record.shortfalls(stage.zones))
 
     @pytest.mark.parametrize(("place", "expected"), [((-0.9, 5.9), "SUCCESS"), ((1.1, 2.5), "FAILURE")])
-    def test_a_survivor_beyond_the_map_is_no_answer(
+    def test_survivor_position_must_be_inside_map(
         self, stage: "Stage", place: tuple[float, float], expected: str
     ) -> None:
-        # A map of 4 m x 2 m, turned by a quarter about its corner (1, 2): it reaches from x = -1 to 1.
+        # A map of 4 m x 2 m, rotated by 90 degrees about its corner (1, 2): it extends from x = -1 to 1.
         grid = OccupancyGrid(data=[0] * 8)
         grid.info.resolution, grid.info.width, grid.info.height = 1.0, 4, 2
         grid.info.origin.position.x, grid.info.origin.position.y = 1.0, 2.0
@@ -120,15 +120,15 @@ class TestDetectSurvivor:
         assert stage.run(leaf) is Status[expected]
         assert leaf.was_found() == (expected == "SUCCESS")
 
-    def test_the_earlier_answer_is_cleared_when_the_leaf_is_entered_again(self, stage: "Stage") -> None:
-        leaf = found(stage)
+    def test_next_entry_clears_earlier_result(self, stage: "Stage") -> None:
+        leaf = search_that_found(stage)
         stage.zones.select_next_zone()
         leaf.initialise()
         assert not leaf.was_found()
         assert leaf.survivor_pose() is None
         assert leaf.survivor_id() is None
 
-    def test_the_next_zone_is_searched_when_the_leaf_is_entered_again(self, stage: "Stage") -> None:
+    def test_next_entry_searches_next_zone(self, stage: "Stage") -> None:
         service = stage.detect_service(SURVIVORS)
         leaf = search(stage)
         stage.run(leaf)
@@ -137,30 +137,30 @@ class TestDetectSurvivor:
         assert [request.zone_id for request in service.requests] == ["zone_a", "zone_b"]
         assert not leaf.was_found()
 
-    def test_without_a_zone_left_it_fails_and_says_so(self, stage: "Stage") -> None:
+    def test_search_without_zone_fails(self, stage: "Stage") -> None:
         leaf = search(stage)
         stage.zones.select_next_zone()
         stage.zones.select_next_zone()
         assert stage.run(leaf) is Status.FAILURE
         assert "no zone to search" in stage.warnings[0]
 
-    def test_the_service_can_have_another_name(self, stage: "Stage") -> None:
+    def test_service_name_is_configurable(self, stage: "Stage") -> None:
         leaf = search(stage, service="look/around", server_timeout_sec=0.0)
         assert stage.run(leaf) is Status.FAILURE
         assert "'look/around'" in stage.warnings[0]
 
-    def test_the_condition_sees_what_the_search_saw(self, stage: "Stage") -> None:
-        condition = IsSurvivorDetected("IsSurvivorDetected?", found(stage))
+    def test_condition_sees_result_of_search(self, stage: "Stage") -> None:
+        condition = IsSurvivorDetected("IsSurvivorDetected?", search_that_found(stage))
         condition.tick_once()
         assert condition.status is Status.SUCCESS
 
 
-class TestTheCall:
-    def test_a_slow_service_is_asked_once(self, stage: "Stage") -> None:
+class TestServiceCall:
+    def test_slow_service_is_called_once(self, stage: "Stage") -> None:
         service = stage.detect_service(SURVIVORS)
         service.gate.clear()
         leaf = search(stage)
-        asked(stage, leaf, service)
+        tick_until_requested(stage, leaf, service)
         for _ in range(20):
             leaf.tick_once()
         assert leaf.status is Status.RUNNING
@@ -168,7 +168,7 @@ class TestTheCall:
         assert stage.run(leaf) is Status.SUCCESS
         assert len(service.requests) == 1
 
-    def test_an_absent_service_costs_the_deadline(self, stage: "Stage") -> None:
+    def test_absent_service_fails_after_deadline(self, stage: "Stage") -> None:
         leaf = search(stage, server_timeout_sec=0.05)
         leaf.tick_once()
         assert leaf.status is Status.RUNNING
@@ -177,13 +177,13 @@ class TestTheCall:
         assert "no server for the service" in stage.warnings[0]
         assert "within 0.05 s" in stage.warnings[0]
 
-    def test_a_service_that_is_late_is_asked_when_it_appears(self, stage: "Stage") -> None:
+    def test_late_service_is_called_when_it_appears(self, stage: "Stage") -> None:
         leaf = search(stage)
         leaf.tick_once()
         stage.detect_service(SURVIVORS)
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_no_answer_within_the_deadline_is_a_failure_that_stays(self, stage: "Stage") -> None:
+    def test_missing_response_is_a_lasting_failure(self, stage: "Stage") -> None:
         service = stage.detect_service(SURVIVORS)
         service.gate.clear()
         leaf = search(stage, timeout_sec=0.05)
@@ -193,7 +193,7 @@ class TestTheCall:
         assert leaf._client._pending_requests == {}
         assert leaf.update() is Status.FAILURE
 
-    def test_after_a_call_without_an_answer_another_client_calls(self, stage: "Stage") -> None:
+    def test_new_client_is_used_after_missing_response(self, stage: "Stage") -> None:
         service = stage.detect_service(SURVIVORS)
         service.gate.clear()
         leaf = search(stage, timeout_sec=0.05)
@@ -205,12 +205,12 @@ class TestTheCall:
         leaf.timeout_sec = 10.0
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_the_late_answer_of_an_old_call_is_ignored(self, stage: "Stage") -> None:
+    def test_late_response_of_old_call_is_ignored(self, stage: "Stage") -> None:
         service = stage.detect_service(SURVIVORS)
         service.gate.clear()
         leaf = search(stage, timeout_sec=0.05)
         assert stage.run(leaf) is Status.FAILURE
-        stage.zones.select_next_zone()  # the next answer is about another zone: nobody is there
+        stage.zones.select_next_zone()  # the next response is about a zone without a survivor
         service.gate.set()
         stage.until(lambda: service.answered == 1, "the late answer")
         assert stage.wakes == 0
@@ -218,11 +218,11 @@ class TestTheCall:
         assert stage.run(leaf) is Status.SUCCESS
         assert not leaf.was_found()
 
-    def test_a_halt_drops_the_request(self, stage: "Stage") -> None:
+    def test_halt_drops_request(self, stage: "Stage") -> None:
         service = stage.detect_service(SURVIVORS)
         service.gate.clear()
         leaf = search(stage)
-        asked(stage, leaf, service)
+        tick_until_requested(stage, leaf, service)
         leaf.stop(Status.INVALID)
         assert leaf._client is not None
         assert leaf._client._pending_requests == {}
@@ -232,7 +232,7 @@ class TestTheCall:
         assert stage.wakes == 0
         assert not leaf.was_found()
 
-    def test_an_answer_that_crosses_the_halt_is_ignored(self, stage: "Stage") -> None:
+    def test_response_that_crosses_halt_is_ignored(self, stage: "Stage") -> None:
         stage.detect_service(SURVIVORS)
         leaf = search(stage)
         leaf.tick_once()
@@ -245,7 +245,7 @@ class TestTheCall:
         future.set_result(object())
         assert call.answer is None
 
-    def test_a_halt_before_the_service_is_there_asks_nothing_ever(self, stage: "Stage") -> None:
+    def test_halt_before_service_appears_sends_nothing(self, stage: "Stage") -> None:
         leaf = search(stage)
         leaf.tick_once()
         leaf.stop(Status.INVALID)
@@ -255,12 +255,12 @@ class TestTheCall:
         stage.until(client.service_is_ready, "the service")
         assert service.requests == []
 
-    def test_a_leaf_that_was_not_entered_has_no_verdict(self, stage: "Stage") -> None:
+    def test_leaf_that_was_never_entered_stays_invalid(self, stage: "Stage") -> None:
         leaf = search(stage)
         leaf.stop(Status.INVALID)
         assert leaf.update() is Status.INVALID
 
-    def test_a_given_up_call_does_nothing_more(self, stage: "Stage") -> None:
+    def test_abandoned_call_sends_nothing(self, stage: "Stage") -> None:
         leaf = search(stage)
         leaf.tick_once()
         call = leaf._exchange
@@ -270,11 +270,11 @@ class TestTheCall:
         assert not call.sent
         assert call.trouble == ""
 
-    def test_an_answer_wakes_the_tree(self, stage: "Stage") -> None:
-        found(stage)
+    def test_response_wakes_tree(self, stage: "Stage") -> None:
+        search_that_found(stage)
         assert stage.wakes == 1
 
-    def test_setting_up_again_leaves_no_client_behind(self, stage: "Stage") -> None:
+    def test_second_setup_leaves_no_extra_client(self, stage: "Stage") -> None:
         leaf = search(stage)
         clients = len(list(stage.node.clients))
         leaf.setup(node=stage.node)
@@ -285,9 +285,9 @@ class TestTheCall:
 
 
 class TestNotifyBase:
-    def test_the_survivor_is_reported_by_name_at_a_point_in_map(self, stage: "Stage") -> None:
+    def test_survivor_is_reported_by_name_and_point_in_map(self, stage: "Stage") -> None:
         service = stage.report_service(acknowledged=True)
-        assert stage.run(report(stage, found(stage))) is Status.SUCCESS
+        assert stage.run(report(stage, search_that_found(stage))) is Status.SUCCESS
         request = service.requests[0]
         point = request.location.point
         assert request.survivor_id == "survivor_1"
@@ -298,49 +298,49 @@ class TestNotifyBase:
         assert 0 <= now - (stamp.sec * 10**9 + stamp.nanosec) < 10**10
         assert stage.record.survivors[0].acknowledged
 
-    def test_it_logs_the_report_and_the_acknowledgement_once(self, stage: "Stage") -> None:
+    def test_report_and_acknowledgement_are_logged_once(self, stage: "Stage") -> None:
         stage.report_service(acknowledged=True)
-        stage.run(report(stage, found(stage)))
+        stage.run(report(stage, search_that_found(stage)))
         assert stage.lines.count("Reporting survivor_1 to base...") == 1
         assert stage.lines[-1] == "Base acknowledged survivor_1."
 
-    def test_a_refusal_is_a_failure_and_no_good_news(self, stage: "Stage") -> None:
+    def test_refused_report_fails_without_wake(self, stage: "Stage") -> None:
         stage.report_service(acknowledged=False)
-        detect = found(stage)
+        detect = search_that_found(stage)
         wakes = stage.wakes
         assert stage.run(report(stage, detect)) is Status.FAILURE
         assert stage.warnings == ["Base did not acknowledge survivor_1."]
         assert stage.wakes == wakes
         assert not stage.record.survivors[0].acknowledged
 
-    def test_an_acknowledgement_wakes_the_tree(self, stage: "Stage") -> None:
+    def test_acknowledgement_wakes_tree(self, stage: "Stage") -> None:
         stage.report_service(acknowledged=True)
-        detect = found(stage)
+        detect = search_that_found(stage)
         wakes = stage.wakes
         stage.run(report(stage, detect))
         assert stage.wakes == wakes + 1
 
-    def test_without_a_survivor_there_is_nothing_to_report(self, stage: "Stage") -> None:
+    def test_report_without_survivor_fails(self, stage: "Stage") -> None:
         assert stage.run(report(stage, search(stage))) is Status.FAILURE
         assert "no survivor was found" in stage.warnings[0]
 
-    def test_a_survivor_without_a_name_cannot_be_reported(self, stage: "Stage") -> None:
-        assert stage.run(report(stage, found(stage, survivor_id=None))) is Status.FAILURE
+    def test_report_of_unnamed_survivor_fails(self, stage: "Stage") -> None:
+        assert stage.run(report(stage, search_that_found(stage, survivor_id=None))) is Status.FAILURE
         assert "no name yet" in stage.warnings[0]
 
-    def test_an_absent_base_costs_the_deadline(self, stage: "Stage") -> None:
-        assert stage.run(report(stage, found(stage), server_timeout_sec=0.0)) is Status.FAILURE
+    def test_absent_base_fails_after_deadline(self, stage: "Stage") -> None:
+        assert stage.run(report(stage, search_that_found(stage), server_timeout_sec=0.0)) is Status.FAILURE
         assert "no server for the service" in stage.warnings[0]
 
-    def test_a_base_that_does_not_answer_costs_the_deadline(self, stage: "Stage") -> None:
+    def test_unresponsive_base_fails_after_deadline(self, stage: "Stage") -> None:
         service = stage.report_service(acknowledged=True)
         service.gate.clear()
-        assert stage.run(report(stage, found(stage), timeout_sec=0.05)) is Status.FAILURE
+        assert stage.run(report(stage, search_that_found(stage), timeout_sec=0.05)) is Status.FAILURE
         assert "no answer within 0.05 s" in stage.warnings[0]
 
-    def test_a_leaf_that_is_entered_again_reports_again(self, stage: "Stage") -> None:
+    def test_reentered_leaf_reports_again(self, stage: "Stage") -> None:
         service = stage.report_service(acknowledged=True)
-        leaf = report(stage, found(stage))
+        leaf = report(stage, search_that_found(stage))
         stage.run(leaf)
         stage.run(leaf)
         assert len(service.requests) == 2

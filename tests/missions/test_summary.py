@@ -1,4 +1,4 @@
-"""The summary of a mission."""
+"""Tests of the summary of a mission."""
 
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.search import Search
@@ -7,7 +7,7 @@ from search_and_rescue.zone_manager import ZoneManager
 POSE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 
 
-def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
+def test_summary_lists_everything_that_is_missing():
     search = Search(ZoneManager([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE))
     zones, record = search.context[ZoneManager], search.context[MissionRecord]
     zones.select_next_zone()
@@ -25,7 +25,7 @@ def test_a_mission_that_was_hardly_begun_lists_all_that_is_missing():
     )
 
 
-def test_a_mission_without_survivors_says_so():
+def test_summary_states_that_no_survivor_was_found():
     search = Search(ZoneManager([], POSE))
     record = search.context[MissionRecord]
     record.base_reached()
@@ -36,7 +36,7 @@ def test_a_mission_without_survivors_says_so():
     ]
 
 
-def test_a_zone_where_no_search_has_ended_is_named_of_a_complete_mission_too():
+def test_summary_of_complete_mission_names_unsearched_zone():
     search = Search(ZoneManager([{"id": "a", **POSE}, {"id": "b", **POSE}], POSE))
     search.zones.select_next_zone()
     search.record.zone_searched("b", None)

@@ -1,4 +1,4 @@
-"""BroadcastSurvivorTF and the static transforms of a node, over real DDS."""
+"""Tests of BroadcastSurvivorTF and the static transforms of a node, over DDS."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -39,7 +39,7 @@ def frame(name: str, x: float) -> Any:
 
 
 class TestBroadcastSurvivorTF:
-    def test_the_survivor_gets_a_name_and_a_frame_under_map(self, stage: "Stage") -> None:
+    def test_survivor_gets_name_and_frame_under_map(self, stage: "Stage") -> None:
         detect = search_that_found(stage, -2.5, 3.2)
         assert stage.run(broadcast(stage, detect)) is Status.SUCCESS
         assert detect.survivor_id() == "survivor_1"
@@ -53,19 +53,19 @@ class TestBroadcastSurvivorTF:
         now = stage.node.get_clock().now().nanoseconds
         assert 0 <= now - (survivor.header.stamp.sec * 10**9 + survivor.header.stamp.nanosec) < 10**10
 
-    def test_it_says_so_once_and_the_name_is_recorded(self, stage: "Stage") -> None:
+    def test_broadcast_is_logged_once_and_name_recorded(self, stage: "Stage") -> None:
         stage.record.zone_searched("zone_a", (-2.5, 3.2))
         stage.run(broadcast(stage, search_that_found(stage, -2.5, 3.2)))
         assert stage.lines == ["Broadcasting TF frame: survivor_1 at (-2.50, 3.20) in map frame."]
         assert [survivor.survivor_id for survivor in stage.record.survivors] == ["survivor_1"]
 
-    def test_one_activation_takes_one_name(self, stage: "Stage") -> None:
+    def test_activation_uses_one_name(self, stage: "Stage") -> None:
         leaf = broadcast(stage, search_that_found(stage, 1.0, 2.0))
         stage.run(leaf)
         assert leaf.update() is Status.SUCCESS
         assert stage.zones.next_survivor_id() == "survivor_2"
 
-    def test_each_entry_takes_a_new_name_and_earlier_frames_stay(self, stage: "Stage") -> None:
+    def test_each_entry_uses_new_name_and_keeps_earlier_frames(self, stage: "Stage") -> None:
         detect = search_that_found(stage, 1.0, 2.0)
         leaf = broadcast(stage, detect)
         stage.run(leaf)
@@ -77,13 +77,13 @@ class TestBroadcastSurvivorTF:
         assert sorted(late.frames) == ["survivor_1", "survivor_2"]
         assert late.position("survivor_2") == (4.1, -2.5, 0.0)
 
-    def test_without_a_survivor_it_fails_and_takes_no_name(self, stage: "Stage") -> None:
+    def test_broadcast_without_survivor_fails_and_uses_no_name(self, stage: "Stage") -> None:
         leaf = broadcast(stage, DetectSurvivor("DetectSurvivor", stage.zones))
         assert stage.run(leaf) is Status.FAILURE
         assert "no survivor was found" in stage.warnings[0]
         assert stage.zones.next_survivor_id() == "survivor_1"
 
-    def test_two_leaves_on_one_node_publish_each_others_frames(self, stage: "Stage") -> None:
+    def test_two_leaves_on_one_node_publish_frames_of_both(self, stage: "Stage") -> None:
         first = broadcast(stage, search_that_found(stage, 1.0, 1.0))
         second = broadcast(stage, search_that_found(stage, 2.0, 2.0))
         stage.run(first)
@@ -92,7 +92,7 @@ class TestBroadcastSurvivorTF:
         stage.until(lambda: late.frames, "the frames")
         assert sorted(late.frames) == ["survivor_1", "survivor_2"]
 
-    def test_frames_outlive_a_leaf_that_is_shut_down_and_set_up_again(self, stage: "Stage") -> None:
+    def test_frames_survive_shutdown_and_new_setup_of_leaf(self, stage: "Stage") -> None:
         leaf = broadcast(stage, search_that_found(stage, 1.0, 1.0))
         stage.run(leaf)
         leaf.shutdown()
@@ -104,7 +104,7 @@ class TestBroadcastSurvivorTF:
 
 
 class TestStaticTransforms:
-    def test_a_frame_that_is_sent_again_replaces_its_earlier_self(self, stage: "Stage") -> None:
+    def test_resent_frame_replaces_earlier_one(self, stage: "Stage") -> None:
         transforms = static_transforms_of(stage.node)
         early = stage.static_frames()
         transforms.publish(frame("survivor_1", 1.0))
@@ -116,11 +116,11 @@ class TestStaticTransforms:
             assert listener.position("survivor_1") == (3.0, 0.0, 0.0)
             assert listener.position("survivor_2") == (2.0, 0.0, 0.0)
 
-    def test_a_node_has_one_publisher(self, stage: "Stage") -> None:
+    def test_node_has_one_publisher(self, stage: "Stage") -> None:
         publisher = static_transforms_of(stage.node)
         assert static_transforms_of(stage.node) is publisher
 
-    def test_two_nodes_share_nothing(self, make_stage: Callable[[], "Stage"]) -> None:
+    def test_two_nodes_share_no_frames(self, make_stage: Callable[[], "Stage"]) -> None:
         one, other = make_stage(), make_stage()
         static_transforms_of(one.node).publish(frame("survivor_1", 1.0))
         static_transforms_of(other.node).publish(frame("survivor_7", 7.0))

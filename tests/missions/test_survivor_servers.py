@@ -1,4 +1,4 @@
-"""The two servers, over DDS: as nodes and as the commands that they are."""
+"""Tests of the two survivor servers over DDS: as nodes and as commands."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DETECT, REPORT = "sar-detect-survivor-server", "sar-report-survivor-server"
 
 
 class Caller:
-    """Calls the two services."""
+    """A client of the two services."""
 
     def __init__(self, ros: Ros, namespace: str = "") -> None:
         from sar_interfaces.srv import DetectSurvivor, ReportSurvivor
@@ -66,7 +66,7 @@ class Caller:
         return request
 
 
-class TestDetecting:
+class TestDetectServer:
     def serve(self, ros: Ros, *parameters: str, faults: Any = None) -> Caller:
         from search_and_rescue.servers import DetectSurvivorServer
 
@@ -74,7 +74,7 @@ class TestDetecting:
         ros.add(DetectSurvivorServer(faults, context=ros.context, cli_args=arguments if parameters else None))
         return Caller(ros)
 
-    def test_who_is_in_range_is_published_while_the_robot_drives(self, ros: Ros) -> None:
+    def test_survivor_in_range_is_published_while_robot_drives(self, ros: Ros) -> None:
         from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -95,7 +95,7 @@ class TestDetecting:
         ros.spin_until(lambda: len(seen) == 2, "two detections")
         assert {(each.header.frame_id, each.point.x, each.point.y) for each in seen} == {("map", 1.0, 2.0)}
 
-    def test_finds_the_survivors_of_the_contract(self, ros: Ros, said: Said) -> None:
+    def test_server_finds_survivors_of_contract(self, ros: Ros, said: Said) -> None:
         caller = self.serve(ros)
         answers = [caller.detect(f"zone_{letter}") for letter in "abcd"]
         assert [(a.found, a.survivor_x, a.survivor_y) for a in answers] == [
@@ -114,13 +114,13 @@ class TestDetecting:
             "Detection request for zone_d: NOT FOUND",
         ]
 
-    def test_finds_those_of_its_parameters_instead(self, ros: Ros) -> None:
+    def test_parameters_replace_survivors_of_contract(self, ros: Ros) -> None:
         caller = self.serve(ros, "survivors.zone_b.x:=1", "survivors.zone_b.y:=-2.5")
         answer = caller.detect("zone_b")
         assert (answer.found, answer.survivor_x, answer.survivor_y) == (True, 1.0, -2.5)
         assert not caller.detect("zone_a").found
 
-    def test_finds_only_who_hides_from_it(self, ros: Ros) -> None:
+    def test_server_finds_only_hidden_survivor(self, ros: Ros) -> None:
         from search_and_rescue.servers import DetectSurvivorServer
 
         poses = {name: MapPose(x=1.0, y=2.0, yaw=0.0) for name in ("cave", "zone_a")}
@@ -135,26 +135,26 @@ class TestDetecting:
             (True, 2.0, 2.0),
         ]
 
-    def test_refuses_a_table_that_is_none(self, ros: Ros) -> None:
+    def test_incomplete_table_is_rejected(self, ros: Ros) -> None:
         from sar_compiler.missions.parameter_reader import ParameterError
 
         with pytest.raises(ParameterError, match=r"survivors\.zone_b\.y: is missing"):
             self.serve(ros, "survivors.zone_b.x:=1")
 
-    def test_warns_of_a_name_that_is_nearly_that_of_its_table_once(self, ros: Ros, said: Said) -> None:
+    def test_misspelled_parameter_is_reported_once(self, ros: Ros, said: Said) -> None:
         caller = self.serve(ros, "survivor.kitchen.x:=1.0", "survivor.kitchen.y:=2.0", "tick_rate:=1.0")
         assert not caller.detect("kitchen").found
         warnings = [line.partition("]: ")[2] for line in said.lines() if "is not used" in line]
         assert warnings == ["parameter 'survivor' is not used: did you mean 'survivors'?"]
 
-    def test_its_service_follows_its_namespace(self, make_ros: Callable[..., Ros]) -> None:
+    def test_service_follows_namespace(self, make_ros: Callable[..., Ros]) -> None:
         from search_and_rescue.servers import DetectSurvivorServer
 
         ros = make_ros(["--ros-args", "-r", "__ns:=/robot1"])
         ros.add(DetectSurvivorServer(context=ros.context))
         assert Caller(ros).detect("zone_a").found
 
-    def test_a_dropped_call_gets_no_answer_and_the_next_does(self, ros: Ros) -> None:
+    def test_dropped_call_gets_no_response_and_next_call_does(self, ros: Ros) -> None:
         from sar_compiler.missions.faults import FaultPlan, parse_fault
 
         plan = FaultPlan([parse_fault("detect_survivor:drop=1", MISSION.faults)])
@@ -166,14 +166,14 @@ class TestDetecting:
         assert not first.done()
 
 
-class TestReporting:
+class TestReportServer:
     def serve(self, ros: Ros, faults: Any = None) -> Caller:
         from search_and_rescue.servers import ReportSurvivorServer
 
         ros.add(ReportSurvivorServer(faults, context=ros.context))
         return Caller(ros)
 
-    def test_acknowledges_a_report_and_logs_id_point_and_frame(self, ros: Ros, said: Said) -> None:
+    def test_report_is_acknowledged_and_logged_with_id_point_and_frame(self, ros: Ros, said: Said) -> None:
         assert self.serve(ros).report("survivor_1", -2.5, 3.2)
         # rclpy itself may warn of a client that is slow to listen.
         spoken = [line.partition("]: ")[2] for line in said.lines() if "]: " in line]
@@ -184,16 +184,16 @@ class TestReporting:
         assert said.has("survivor_1", "'map'")
 
     @pytest.mark.parametrize(("x", "y"), [(math.nan, 0.0), (0.0, math.inf), (-math.inf, math.nan)])
-    def test_does_not_acknowledge_a_report_at_no_position(self, ros: Ros, x: float, y: float) -> None:
+    def test_report_at_invalid_position_is_not_acknowledged(self, ros: Ros, x: float, y: float) -> None:
         assert not self.serve(ros).report("survivor_1", x, y)
 
     @pytest.mark.parametrize("frame", ["odom", "", "/map"])
-    def test_does_not_acknowledge_a_report_in_another_frame(self, ros: Ros, said: Said, frame: str) -> None:
+    def test_report_in_another_frame_is_not_acknowledged(self, ros: Ros, said: Said, frame: str) -> None:
         assert not self.serve(ros).report("survivor_1", 0.0, 0.0, frame)
         assert said.has("WARN", "survivor_1", f"in the frame '{frame}'")
         assert not said.has("Acknowledged")
 
-    def test_a_report_that_comes_again_is_acknowledged_and_counts_once(self, ros: Ros, said: Said) -> None:
+    def test_repeated_report_is_acknowledged_and_counted_once(self, ros: Ros, said: Said) -> None:
         caller = self.serve(ros)
         assert [caller.report("survivor_1", 1.0, 2.0) for _ in range(2)] == [True, True]
         assert said.has("Report received again: survivor_1 at (1.00, 2.00). Acknowledged.")
@@ -201,7 +201,7 @@ class TestReporting:
         assert caller.report("survivor_1", 5.0, 2.0)
         assert said.has("Report received: survivor_1 at (5.00, 2.00).")
 
-    def test_refuses_on_request_and_then_acknowledges(self, ros: Ros) -> None:
+    def test_injected_fault_refuses_first_report_only(self, ros: Ros) -> None:
         from sar_compiler.missions.faults import FaultPlan, parse_fault
 
         plan = FaultPlan([parse_fault("report_survivor:refuse=1", MISSION.faults)])
@@ -230,14 +230,14 @@ class TestCommands:
             (REPORT, "ReportSurvivor service ready.", signal.SIGTERM),
         ],
     )
-    def test_ends_cleanly_when_it_is_stopped(
+    def test_server_exits_cleanly_on_signal(
         self, start: Callable[..., Command], name: str, line: str, number: int
     ) -> None:
         server = start(name)
         server.wait_for(line)
         assert server.stop(number) == 0
 
-    def test_leaves_a_node_that_does_not_let_itself_be_taken_down(self) -> None:
+    def test_server_exits_if_node_destruction_hangs(self) -> None:
         hangs = (
             "from rclpy.node import Node\n"
             "from sar_compiler.ros import serving\n"
@@ -260,7 +260,9 @@ class TestCommands:
         assert server.returncode == 1
         assert "in destroy_node" in said
 
-    def test_answers_another_process_in_a_namespace(self, ros: Ros, start: Callable[..., Command]) -> None:
+    def test_server_answers_another_process_in_namespace(
+        self, ros: Ros, start: Callable[..., Command]
+    ) -> None:
         server = start(
             DETECT,
             "--ros-args",
@@ -275,7 +277,9 @@ class TestCommands:
         assert (answer.found, answer.survivor_x, answer.survivor_y) == (True, 1.0, 2.0)
         server.wait_for("Detection request for cave: FOUND at (1.00, 2.00)")
 
-    def test_acknowledges_another_process(self, ros: Ros, start: Callable[..., Command]) -> None:
+    def test_server_acknowledges_report_of_another_process(
+        self, ros: Ros, start: Callable[..., Command]
+    ) -> None:
         server = start(REPORT)
         assert Caller(ros).report("survivor_2", 4.1, -2.5)
         server.wait_for("Report received: survivor_2 at (4.10, -2.50). Acknowledged.")
@@ -292,20 +296,20 @@ class TestCommands:
             (["--ros-args", "--params-file", "none.yaml"], "cannot read none.yaml: No such file"),
         ],
     )
-    def test_a_wrong_command_line_is_one_message_and_status_2(
+    def test_invalid_command_line_prints_one_message_with_status_2(
         self, capfd: pytest.CaptureFixture[str], arguments: list[str], part: str
     ) -> None:
         assert detect(arguments) == 2
         assert re.search(f"^sar-detect-survivor-server: .*{part}", capfd.readouterr().err, re.MULTILINE)
 
-    def test_an_option_that_there_is_not_is_refused(self, capfd: pytest.CaptureFixture[str]) -> None:
+    def test_unknown_option_is_rejected(self, capfd: pytest.CaptureFixture[str]) -> None:
         with pytest.raises(SystemExit) as caught:
             detect(["--loud"])
         assert caught.value.code == 2
         assert "unrecognized arguments: --loud" in capfd.readouterr().err
 
     @pytest.mark.parametrize("command", [detect, report])
-    def test_says_what_it_does(
+    def test_help_mentions_ros_arguments(
         self, capsys: pytest.CaptureFixture[str], command: Callable[[list[str]], int]
     ) -> None:
         with pytest.raises(SystemExit) as caught:

@@ -1,4 +1,4 @@
-"""Sweeping a zone: planned, driven piece by piece, looked at, once more where it was missed; and the same after a resume."""
+"""Tests of sweeping a zone: planning, driving to pieces, coverage, repeated passes and resuming."""
 
 import math
 from pathlib import Path
@@ -30,7 +30,7 @@ PIECES = [(1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0)]
 
 
 def searching(**areas: SearchExpectation) -> Search:
-    """Return a search of the zone `a` with ground, and of `b` without."""
+    """Return a search of zone `a` with ground and zone `b` without."""
     plan = [{"id": name, "x": 2.0 * x, "y": 0.0, "yaw": 0.0} for x, name in enumerate("ab")]
     return Search(ZoneManager(plan, BASE, areas=areas), sweeps=SweepStates({"a": GROUND}))
 
@@ -44,14 +44,14 @@ def places(search: Search) -> list[tuple[float, float]]:
     return [(pose["x"], pose["y"]) for pose in search.sweeps.state_of("a").pieces]
 
 
-def status(leaf: Any) -> Status:
-    """Return what one tick of a leaf comes to."""
+def tick(leaf: Any) -> Status:
+    """Tick a leaf once, and return its status."""
     leaf.tick_once()
     answered: Status = leaf.status
     return answered
 
 
-def test_a_look_in_a_sweep_counts_as_what_was_seen_and_not_as_a_look_at_the_zones_pose() -> None:
+def test_search_during_sweep_counts_by_coverage_not_by_zone_pose() -> None:
     search = planned(searching(a=SearchExpectation(0.5, 0.9), b=SearchExpectation(0.3, 0.5)))
     for _ in range(3):
         search.record.zone_searched("a", None)
@@ -66,7 +66,7 @@ def test_a_look_in_a_sweep_counts_as_what_was_seen_and_not_as_a_look_at_the_zone
     )
 
 
-def test_a_piece_that_is_swept_has_what_was_driven_since_the_last_one() -> None:
+def test_finished_piece_includes_drive_since_previous_one() -> None:
     search = planned(searching())
     search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
     search.sweeps.finish_piece("a", None, 0.5)
@@ -76,12 +76,12 @@ def test_a_piece_that_is_swept_has_what_was_driven_since_the_last_one() -> None:
     assert (first.metres, second.metres) == (4.0, 4.0)
     assert (first.done, second.done) == (1, 2)
     assert first.area_m2 == 16.0
-    # Two of the four metres across see beyond the ground with half of their range.
+    # On two of the four metres, half of the range is outside the ground.
     assert 0.3 < first.coverage < 2.0 * 4.0 / 16.0
     assert second.cells == first.cells
 
 
-def test_what_was_driven_in_one_zone_counts_in_no_other() -> None:
+def test_drive_in_one_zone_counts_in_no_other() -> None:
     zones = [{"id": name, "x": 0.0, "y": 0.0, "yaw": 0.0} for name in "ab"]
     search = Search(ZoneManager(zones, BASE), sweeps=SweepStates({"a": GROUND, "b": GROUND}))
     for zone in "ab":
@@ -92,7 +92,7 @@ def test_what_was_driven_in_one_zone_counts_in_no_other() -> None:
     assert [search.sweeps.state_of(zone).metres for zone in "ab"] == [3.0, 0.0]
 
 
-def test_gaps_are_looked_for_at_the_end_of_a_pass_alone() -> None:
+def test_gaps_are_computed_only_at_end_of_pass() -> None:
     search = planned(searching(), count=2)
     search.sweeps.finish_piece("a", None, 0.5)
     assert search.sweeps.state_of("a").gaps == ()
@@ -101,7 +101,7 @@ def test_gaps_are_looked_for_at_the_end_of_a_pass_alone() -> None:
     assert sorted(gap) == sorted(GROUND.polygon)
 
 
-def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_left() -> None:
+def test_display_shows_area_figures_and_gaps() -> None:
     search = planned(searching(a=SearchExpectation(0.5, 0.9), b=SearchExpectation(0.3, 0.5)), count=1)
     search.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
     search.sweeps.finish_piece("a", None, 0.9)
@@ -119,31 +119,31 @@ def test_the_page_shows_the_outline_with_the_words_of_the_manuals_and_what_is_le
     assert [(gap.kind, gap.name, gap.level) for gap in gaps] == [("gap", "a gap 1", Level.GIVEN_UP)]
 
 
-def test_the_pod_of_legs_is_told_where_all_of_a_first_sweep_in_legs_was_swept() -> None:
+def test_pod_with_exact_legs_is_displayed_only_after_complete_first_pass() -> None:
     search = planned(searching(), count=2)
 
-    def told() -> object:
+    def reported() -> object:
         [area] = [each for each in search.display().landmarks if each.kind == "area"]
         return area.details["POD with exact legs"]
 
     search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)] * 2, None)
     search.sweeps.finish_piece("a", None, 0.5)
-    assert told() == ""
+    assert reported() == ""
     search.sweeps.finish_piece("a", None, 0.5)
     covered = search.sweeps.state_of("a").coverage
-    assert told() == f"{math.erf(math.sqrt(math.pi) / 2 * covered):.1%}"
+    assert reported() == f"{math.erf(math.sqrt(math.pi) / 2 * covered):.1%}"
     search.sweeps.plan("a", "gaps", 2.0, [MapPose(x=1.0, y=3.0, yaw=0.0)])
     search.sweeps.finish_piece("a", None, 0.5)
-    assert told() == ""
+    assert reported() == ""
 
 
-def test_a_skipped_piece_leaves_legs_that_were_not_kept() -> None:
+def test_skipped_piece_removes_pod_with_exact_legs() -> None:
     search = planned(searching(), count=1)
     search.sweeps.skip("a", "not reached, or not searched")
     assert search.sweeps.state_of("a").pod_of_legs is None
 
 
-def test_the_figures_have_what_was_driven_and_how_much_of_the_ground_was_seen() -> None:
+def test_figures_state_swept_distance_and_seen_area() -> None:
     search = planned(searching())
     assert [each.text for each in search.display().figures[-2:]] == ["swept 0 m", "seen 0 of 16 m²"]
     search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)], None)
@@ -151,7 +151,7 @@ def test_the_figures_have_what_was_driven_and_how_much_of_the_ground_was_seen() 
     assert [each.text for each in search.display().figures[-2:]] == ["swept 4 m", "seen 9 of 16 m²"]
 
 
-def test_what_was_seen_is_shown_cell_by_cell_once_a_piece_is_swept() -> None:
+def test_raster_is_displayed_after_first_finished_piece() -> None:
     search = planned(searching())
     search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)], None)
     assert search.display().rasters == []
@@ -159,12 +159,12 @@ def test_what_was_seen_is_shown_cell_by_cell_once_a_piece_is_swept() -> None:
     [layer] = search.display().rasters
     assert (layer.name, layer.meaning, layer.columns) == ("a", "searched, POD", 16)
     assert (layer.x, layer.y, layer.cell_m) == (0.0, 0.0, 0.25)
-    # The upper rows are farther from y = 1 than can be seen.
+    # The upper rows are farther from y = 1 than the detection range.
     assert layer.cells.endswith("16-" * 6)
     assert set("abcdefghij") & set(layer.cells.removesuffix("16-" * 6))
 
 
-def test_an_outline_is_shaded_by_its_probability_now() -> None:
+def test_area_is_shaded_by_current_probability() -> None:
     search = searching(a=SearchExpectation(0.5, 0.9), b=SearchExpectation(0.3, 0.5))
     search.record.zone_searched("b", None)
     [area] = [each for each in search.display().landmarks if each.kind == "area"]
@@ -173,19 +173,19 @@ def test_an_outline_is_shaded_by_its_probability_now() -> None:
     assert unknown.shade is None
 
 
-def test_an_outline_that_was_not_swept_has_no_size_yet_and_no_pieces() -> None:
+def test_unswept_area_displays_neither_size_nor_pieces() -> None:
     [area] = [each for each in searching().display().landmarks if each.corners]
     assert (area.state, area.details["area A"], area.details["POD"]) == ("", "", "0.0%")
 
 
-def test_what_becomes_of_a_sweep_is_told_in_sentences() -> None:
+def test_sweep_events_have_sentences() -> None:
     search = searching()
-    told: list[str] = []
-    search.sweeps.journal.add_listener(lambda entry: told.append(search.sentence(entry)))
+    reported: list[str] = []
+    search.sweeps.journal.add_listener(lambda entry: reported.append(search.sentence(entry)))
     planned(search)
     search.sweeps.finish_piece("a", None, 0.5)
     search.sweeps.skip("a", "not reached, or not searched")
-    assert [line for line in told if line] == [
+    assert [line for line in reported if line] == [
         "planned to sweep a in 4 pieces (parallel, 2 m apart)",
         "swept piece 1 of a: 0% seen, POD 0%",
         "skipped piece 2 of a: not reached, or not searched",
@@ -193,22 +193,22 @@ def test_what_becomes_of_a_sweep_is_told_in_sentences() -> None:
     assert search.sweeps.state_of("a").skipped == 1
 
 
-def opened(place: Path, search: Search, *, resume: bool) -> Any:
+def open_and_begin(place: Path, search: Search, *, resume: bool) -> Any:
     kept = open_journal(place, resume=resume)
     search.use_journal(kept)
     kept.begin({}, {})
     return kept
 
 
-def test_a_resumed_sweep_goes_on_with_the_open_pieces_and_the_same_coverage(tmp_path: Path) -> None:
+def test_resumed_sweep_has_same_open_pieces_and_coverage(tmp_path: Path) -> None:
     first, second = searching(), searching()
-    kept = opened(tmp_path / "sweep.journal", first, resume=False)
+    kept = open_and_begin(tmp_path / "sweep.journal", first, resume=False)
     planned(first)
     first.sweeps.drive("a", [(0.0, 2.0), (4.0, 2.0)], None)
     first.sweeps.finish_piece("a", None, 0.5)
     first.sweeps.skip("a", "not reached, or not searched")
     kept.close()
-    opened(tmp_path / "sweep.journal", second, resume=True).close()
+    open_and_begin(tmp_path / "sweep.journal", second, resume=True).close()
     assert second.sweeps.state_of("a") == first.sweeps.state_of("a")
     assert second.sweeps.state_of("a").open_count == 2
     assert second.sweeps.raster("a", None).pod() == pytest.approx(first.sweeps.state_of("a").pod, abs=0.001)
@@ -229,7 +229,7 @@ def test_a_resumed_sweep_goes_on_with_the_open_pieces_and_the_same_coverage(tmp_
         ("piece_swept", {"zone": "a", "piece": 0, "metres": 1.0, "cells": "x", "gaps": [], **SEEN}),
     ],
 )
-def test_facts_that_cannot_be_are_none_of_a_sweep(kind: str, data: dict[str, Any]) -> None:
+def test_invalid_sweep_event_is_rejected(kind: str, data: dict[str, Any]) -> None:
     search = planned(searching())
     before = search.sweeps.state_of("a")
     with pytest.raises((ArithmeticError, LookupError, TypeError, ValueError, SarError)):
@@ -238,55 +238,53 @@ def test_facts_that_cannot_be_are_none_of_a_sweep(kind: str, data: dict[str, Any
 
 
 class TestIsFindNew:
-    def answered(self, search: Search, place: tuple[float, float] | None) -> Status:
+    def tick_leaf(self, search: Search, place: tuple[float, float] | None) -> Status:
         detect = DetectSurvivor("DetectSurvivor", search.zones, record=search.record)
         detect.survivor_pose = lambda: place  # type: ignore[method-assign]
         leaf = sweep_leaves.IsFindNew("IsFindNew", detect, search.record, same_within=1.0)
         leaf.tick_once()
         return leaf.status
 
-    def test_nobody_is_not_new(self) -> None:
-        assert self.answered(searching(), None) is Status.FAILURE
+    def test_missing_detection_is_not_new(self) -> None:
+        assert self.tick_leaf(searching(), None) is Status.FAILURE
 
-    def test_whom_nobody_has_named_is_new(self) -> None:
+    def test_unnamed_detection_is_new(self) -> None:
         search = searching()
         search.record.zone_searched("a", (1.0, 1.0))
-        assert self.answered(search, (1.0, 1.0)) is Status.SUCCESS
+        assert self.tick_leaf(search, (1.0, 1.0)) is Status.SUCCESS
 
-    def test_whoever_is_near_a_named_survivor_is_the_same_one(self) -> None:
+    def test_detection_near_named_survivor_is_not_new(self) -> None:
         search = searching()
         search.record.survivor_named("survivor_1", 1.0, 1.0)
-        assert self.answered(search, (1.0, 2.0)) is Status.FAILURE
-        assert self.answered(search, (1.0, 2.01)) is Status.SUCCESS
+        assert self.tick_leaf(search, (1.0, 2.0)) is Status.FAILURE
+        assert self.tick_leaf(search, (1.0, 2.01)) is Status.SUCCESS
 
-    def test_whom_the_operator_has_rejected_is_nobody_to_be_the_same_as(self) -> None:
+    def test_detection_near_rejected_survivor_is_new(self) -> None:
         from search_and_rescue.record import DetectionVerdict
 
         search = searching()
         search.record.survivor_named("survivor_1", 1.0, 1.0)
         search.record.survivor_judged("survivor_1", DetectionVerdict.REJECTED)
-        assert self.answered(search, (1.0, 1.0)) is Status.SUCCESS
+        assert self.tick_leaf(search, (1.0, 1.0)) is Status.SUCCESS
 
-    def test_who_was_named_by_an_earlier_run_at_an_open_piece_is_dealt_with_once_more(
-        self, tmp_path: Path
-    ) -> None:
+    def test_survivor_named_by_earlier_run_at_open_piece_is_handled_again(self, tmp_path: Path) -> None:
         first, second = searching(), searching()
-        kept = opened(tmp_path / "sweep.journal", first, resume=False)
+        kept = open_and_begin(tmp_path / "sweep.journal", first, resume=False)
         planned(first)
         first.record.zone_searched("a", (1.0, 1.0))
         first.record.survivor_named("survivor_1", 1.0, 1.0)
         kept.close()
-        opened(tmp_path / "sweep.journal", second, resume=True).close()
-        assert self.answered(second, (1.0, 1.0)) is Status.SUCCESS
+        open_and_begin(tmp_path / "sweep.journal", second, resume=True).close()
+        assert self.tick_leaf(second, (1.0, 1.0)) is Status.SUCCESS
 
 
 @pytest.mark.ros
-class TestLeaves:
+class TestSweepLeaves:
     def take(self, stage: "Stage", search: Search, name: str, **ports: Any) -> Any:
         return stage.take(getattr(sweep_leaves, name)(name, search.zones, sweeps=search.sweeps, **ports))
 
-    def walled(self, stage: "Stage", left: float, cells: int = 2500) -> Any:
-        """Publish a map of 5 x 5 m that is blocked from x = left on."""
+    def publish_walled_map(self, stage: "Stage", left: float, cells: int = 2500) -> Any:
+        """Publish a map of 5 x 5 m that is blocked for x of `left` or more."""
         from nav_msgs.msg import OccupancyGrid
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -300,12 +298,12 @@ class TestLeaves:
         stage.until(lambda: extent.why_impossible(6.0, 6.0) != "", "the map")
         return publisher
 
-    def test_a_sweep_is_planned_beside_the_ticks(self, stage: "Stage") -> None:
+    def test_sweep_is_planned_between_ticks(self, stage: "Stage") -> None:
         search = searching()
         leaf = self.take(stage, search, "PlanSweep", coverage=1.0)
-        assert status(leaf) is Status.RUNNING
+        assert tick(leaf) is Status.RUNNING
         stage.until(lambda: stage.wakes == 1, "the tick that is requested")
-        assert status(leaf) is Status.SUCCESS
+        assert tick(leaf) is Status.SUCCESS
         assert places(search) == PIECES
         assert stage.lines == [
             "a is swept in 4 pieces (parallel, 2.00 m apart). The POD is at least 63%, and 79% if the robot follows the legs exactly."
@@ -314,7 +312,7 @@ class TestLeaves:
             "No map has been received: the sweep of a is planned as if there were no obstacles."
         ]
 
-    def test_one_that_is_planned_goes_on_where_it_is(self, stage: "Stage") -> None:
+    def test_planned_sweep_continues_with_open_pieces(self, stage: "Stage") -> None:
         search = planned(searching())
         search.sweeps.skip("a", "not reached, or not searched")
         leaf = self.take(stage, search, "PlanSweep", pattern="sector")
@@ -322,13 +320,13 @@ class TestLeaves:
         assert leaf.status is Status.SUCCESS
         assert (search.sweeps.state_of("a").passes, search.sweeps.state_of("a").open_count) == (1, 3)
 
-    def test_one_that_is_swept_is_not_planned_again(self, stage: "Stage") -> None:
+    def test_finished_sweep_is_not_planned_again(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)
         search.sweeps.skip("a", "not reached, or not searched")
         assert stage.run(self.take(stage, search, "PlanSweep")) is Status.SUCCESS
         assert (search.sweeps.state_of("a").passes, search.sweeps.state_of("a").open_count) == (1, 0)
 
-    def test_a_zone_without_ground_cannot_be_swept(self, stage: "Stage") -> None:
+    def test_zone_without_polygon_cannot_be_swept(self, stage: "Stage") -> None:
         search = searching()
         search.zones.select_next_zone()
         assert stage.run(self.take(stage, search, "ZoneHasGround")) is Status.FAILURE
@@ -336,29 +334,29 @@ class TestLeaves:
         assert stage.warnings == ["b cannot be swept: it has no polygon."]
 
     @pytest.mark.parametrize("coverage", [0.0, -1.0, math.nan])
-    def test_legs_without_a_distance_from_each_other_are_none(self, stage: "Stage", coverage: float) -> None:
+    def test_coverage_that_is_not_positive_is_rejected(self, stage: "Stage", coverage: float) -> None:
         assert stage.run(self.take(stage, searching(), "PlanSweep", coverage=coverage)) is Status.FAILURE
         assert "write a coverage above 0, for example 0.9" in stage.warnings[0]
 
-    def test_without_a_zone_there_is_nothing_to_plan(self, stage: "Stage") -> None:
+    def test_planning_and_refining_fail_without_zone(self, stage: "Stage") -> None:
         search = searching()
         search.zones.select_next_zone()
         search.zones.select_next_zone()
         assert stage.run(self.take(stage, search, "PlanSweep")) is Status.FAILURE
         assert stage.run(self.take(stage, search, "RefineSweep")) is Status.FAILURE
 
-    def test_what_is_blocked_is_left_out_of_the_plan(self, stage: "Stage") -> None:
+    def test_blocked_positions_are_left_out_of_plan(self, stage: "Stage") -> None:
         search = searching()
         leaf = self.take(stage, search, "PlanSweep", coverage=1.0, clearance=0.3)
-        publisher = self.walled(stage, 2.0)
+        publisher = self.publish_walled_map(stage, 2.0)
         assert stage.run(leaf) is Status.SUCCESS
         assert all(x <= 1.75 for x, _ in places(search))
         assert publisher.topic_name.endswith("map")
 
-    def test_a_map_that_lacks_cells_is_none(self, stage: "Stage") -> None:
+    def test_incomplete_map_is_ignored(self, stage: "Stage") -> None:
         search = searching()
         leaf = self.take(stage, search, "PlanSweep", coverage=1.0)
-        publisher = self.walled(stage, 2.0, cells=1000)
+        publisher = self.publish_walled_map(stage, 2.0, cells=1000)
         assert stage.run(leaf) is Status.SUCCESS
         assert places(search) == PIECES
         assert stage.warnings == [
@@ -366,25 +364,25 @@ class TestLeaves:
         ]
         assert publisher.topic_name.endswith("map")
 
-    def test_ground_that_is_blocked_altogether_cannot_be_swept(self, stage: "Stage") -> None:
+    def test_completely_blocked_ground_cannot_be_swept(self, stage: "Stage") -> None:
         search = searching()
         leaf = self.take(stage, search, "PlanSweep")
-        publisher = self.walled(stage, 0.0)
+        publisher = self.publish_walled_map(stage, 0.0)
         assert stage.run(leaf) is Status.FAILURE
         assert "a cannot be swept: every stop is blocked" in stage.warnings[0]
         assert publisher.topic_name.endswith("map")
 
-    def test_ground_that_is_all_blocked_by_now_has_no_gaps_to_sweep(self, stage: "Stage") -> None:
+    def test_completely_blocked_gaps_are_not_swept(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)
         search.sweeps.skip("a", "not reached, or not searched")
         leaf = self.take(stage, search, "RefineSweep")
-        publisher = self.walled(stage, 0.0)
+        publisher = self.publish_walled_map(stage, 0.0)
         assert stage.run(leaf) is Status.FAILURE
         assert leaf.feedback_message == "a: the gaps are too scattered to be swept, or not on the map"
         assert (stage.warnings, publisher.topic_name[-3:]) == ([], "map")
 
-    def driving(self, stage: "Stage", search: Search) -> tuple[Any, ManualClock]:
-        """Return a leaf that drives to the first piece, with the robot at (0, 1), and its clock."""
+    def start_drive_to_piece(self, stage: "Stage", search: Search) -> tuple[Any, ManualClock]:
+        """Return a leaf that drives to the first piece with the robot at (0, 1), and its clock."""
         server = stage.nav_server()
         leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
         leaf._clock = clock = ManualClock()
@@ -393,22 +391,20 @@ class TestLeaves:
         return leaf, clock
 
     @pytest.mark.parametrize(("seconds", "metres"), [(1.0, 0.0), (5.0, 3.0)])
-    def test_who_is_far_away_has_driven_there_only_where_there_was_time_for_it(
+    def test_distant_position_counts_as_driven_only_if_time_sufficed(
         self, seconds: float, metres: float, stage: "Stage"
     ) -> None:
         search = planned(searching())
-        leaf, clock = self.driving(stage, search)
+        leaf, clock = self.start_drive_to_piece(stage, search)
         clock.advance(seconds)
         leaf._robot.last_pose = lambda: (3.0, 1.0, 0.0)
         leaf.tick_once()
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
         assert search.sweeps.state_of("a").metres == pytest.approx(metres)
 
-    def test_a_place_that_was_not_known_for_long_is_no_drive_to_where_it_is_known_again(
-        self, stage: "Stage"
-    ) -> None:
+    def test_drive_during_unknown_position_is_not_counted(self, stage: "Stage") -> None:
         search = planned(searching())
-        leaf, clock = self.driving(stage, search)
+        leaf, clock = self.start_drive_to_piece(stage, search)
         for place in (None, (3.0, 1.0, 0.0)):
             clock.advance(5.0 if place is None else 0.1)
             leaf._robot.last_pose = lambda place=place: place
@@ -416,15 +412,15 @@ class TestLeaves:
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
         assert search.sweeps.state_of("a").metres == 0.0
 
-    def through(self, stage: "Stage", search: Search) -> Any:
+    def make_drive_through(self, stage: "Stage", search: Search) -> Any:
         ports = {"record": search.record, "homing": search.context[HomingEstimator], "clock": ManualClock()}
         return self.take(stage, search, "NavigateThroughPieces", until_pod=0.5, **ports)
 
-    def test_the_open_pieces_are_driven_through_as_one_goal(self, stage: "Stage") -> None:
+    def test_open_pieces_are_sent_as_one_goal(self, stage: "Stage") -> None:
         server = stage.through_server()
         search = planned(searching())
         search.sweeps.skip("a", "not reached, or not searched")
-        leaf = self.through(stage, search)
+        leaf = self.make_drive_through(stage, search)
         stage.until(leaf._port.statuses.servers, "the server")
         leaf.tick_once()
         stage.tick_until(leaf, lambda: server.goals, "the goal")
@@ -435,15 +431,15 @@ class TestLeaves:
         assert "Navigating to pieces 2 to 4 of a..." in stage.lines
         assert search.record.zone == "a"
 
-    def test_each_piece_that_is_passed_is_marked_with_what_was_seen_until_then(self, stage: "Stage") -> None:
+    def test_passed_pieces_are_finished_with_coverage_until_then(self, stage: "Stage") -> None:
         server = stage.through_server()
         search = planned(searching())
-        leaf = self.through(stage, search)
+        leaf = self.make_drive_through(stage, search)
         robot = [(0.0, 1.0, 0.0)]
         leaf._robot.last_pose = lambda: robot[0]
         stage.until(leaf._port.statuses.servers, "the server")
         stage.tick_until(leaf, lambda: server.goals, "the goal")
-        # A server that has not looked yet tells of no pose, which is no end.
+        # A server that has not started reports 0 remaining poses, which does not mean the end.
         server.order("0 left", "3 left")
         stage.tick_until(leaf, lambda: search.sweeps.state_of("a").done, "a piece that was passed")
         assert search.sweeps.state_of("a").done == 1
@@ -463,12 +459,12 @@ class TestLeaves:
         assert stage.lines[-2] == f"a: {sweep.seen:.0%} seen, POD {sweep.pod:.0%}, {len(sweep.gaps)} gaps."
 
     @pytest.mark.parametrize(("share", "ending"), [(0.9, "driving"), (0.1, "piece by piece")])
-    def test_a_piece_that_would_hurt_the_reserve_is_not_driven_on_to(
+    def test_drive_through_ends_before_piece_beyond_reserve(
         self, share: float, ending: str, stage: "Stage"
     ) -> None:
         server = stage.through_server()
         search = planned(searching())
-        leaf = self.through(stage, search)
+        leaf = self.make_drive_through(stage, search)
         leaf._robot.last_pose = lambda: (1.0, 1.0, 0.0)
         homing = search.context[HomingEstimator]
         homing.is_asked = True
@@ -481,37 +477,33 @@ class TestLeaves:
         assert leaf.outcome_label == ending
         assert search.sweeps.state_of("a").open_count == 3
 
-    def test_where_nobody_serves_it_pieces_are_driven_to_one_by_one(self, stage: "Stage") -> None:
+    def test_absent_server_makes_robot_drive_piece_by_piece(self, stage: "Stage") -> None:
         stage.nav_server()
         search = planned(searching())
-        leaf = self.through(stage, search)
+        leaf = self.make_drive_through(stage, search)
         leaf.tick_once()
         assert (leaf.status, leaf.outcome_label) == (Status.FAILURE, "piece by piece")
         assert (search.sweeps.state_of("a").open_count, search.record.navigation_lost) == (4, "")
 
-    def test_an_earlier_search_at_the_open_piece_is_not_driven_past(
-        self, stage: "Stage", tmp_path: Path
-    ) -> None:
+    def test_earlier_search_at_open_piece_is_not_driven_past(self, stage: "Stage", tmp_path: Path) -> None:
         server = stage.through_server()
         first, second = searching(), searching()
-        kept = opened(tmp_path / "sweep.journal", first, resume=False)
+        kept = open_and_begin(tmp_path / "sweep.journal", first, resume=False)
         planned(first)
         first.record.zone_searched("a", None)
         kept.close()
-        opened(tmp_path / "sweep.journal", second, resume=True).close()
-        leaf = self.through(stage, second)
+        open_and_begin(tmp_path / "sweep.journal", second, resume=True).close()
+        leaf = self.make_drive_through(stage, second)
         stage.until(leaf._port.statuses.servers, "the server")
         leaf.tick_once()
         assert (leaf.status, leaf.outcome_label) == (Status.FAILURE, "piece by piece")
         assert server.requests == 0
 
-    def test_a_drive_through_pieces_that_is_aborted_leaves_those_that_were_not_passed(
-        self, stage: "Stage"
-    ) -> None:
+    def test_aborted_drive_through_leaves_remaining_pieces_open(self, stage: "Stage") -> None:
         server = stage.through_server()
         server.error_code = 308
         search = planned(searching())
-        leaf = self.through(stage, search)
+        leaf = self.make_drive_through(stage, search)
         stage.until(leaf._port.statuses.servers, "the server")
         stage.tick_until(leaf, lambda: server.goals, "the goal")
         server.order("3 left")
@@ -521,13 +513,11 @@ class TestLeaves:
         assert (leaf.outcome_label, search.sweeps.state_of("a").open_count) == ("aborted", 3)
         assert stage.warnings[-1].endswith("error code 308: there is no path to the goal")
 
-    def test_where_the_planner_finds_no_way_through_all_pieces_they_are_driven_to_one_by_one_until_one_is_left_out(
-        self, stage: "Stage"
-    ) -> None:
+    def test_drive_through_without_path_is_not_repeated_until_piece_is_skipped(self, stage: "Stage") -> None:
         server = stage.through_server()
         server.script, server.error_code = ["abort"], 308
         search = planned(searching())
-        leaf = self.through(stage, search)
+        leaf = self.make_drive_through(stage, search)
         stage.until(leaf._port.statuses.servers, "the server")
         assert stage.run(leaf) is Status.FAILURE
         assert self.take(stage, search, "AdvancePiece").tick_once() is None
@@ -537,19 +527,19 @@ class TestLeaves:
         server.script = ["succeed"]
         assert stage.run(leaf) is Status.SUCCESS
 
-    def test_with_no_piece_open_there_is_nothing_to_drive_through(self, stage: "Stage") -> None:
-        leaf = self.through(stage, searching())
+    def test_drive_through_without_open_piece_fails(self, stage: "Stage") -> None:
+        leaf = self.make_drive_through(stage, searching())
         leaf.tick_once()
         assert (leaf.status, leaf.outcome_label) == (Status.FAILURE, "no piece")
 
-    def test_poses_in_a_message_of_their_own_are_filled_in_there(self, stage: "Stage") -> None:
+    def test_goal_with_nested_poses_is_filled_in(self, stage: "Stage") -> None:
         later = SimpleNamespace(poses=SimpleNamespace(goals=[]))
-        leaf = self.through(stage, searching())
+        leaf = self.make_drive_through(stage, searching())
         leaf._interface = SimpleNamespace(Goal=lambda: later)
         assert leaf._message_to(["a pose"]) is later
         assert later.poses.goals == ["a pose"]
 
-    def test_pieces_are_driven_to_and_what_is_seen_on_the_way_is_kept(self, stage: "Stage") -> None:
+    def test_cells_seen_on_drive_to_piece_are_counted(self, stage: "Stage") -> None:
         server = stage.nav_server()
         search = planned(searching())
         leaf = self.take(stage, search, "NavigateToPiece", record=search.record)
@@ -570,9 +560,7 @@ class TestLeaves:
         assert search.sweeps.state_of("a").metres == pytest.approx(1.0)
         assert search.record.zone == "a"
 
-    def test_a_piece_in_an_obstacle_says_nothing_of_one_with_its_number_in_the_next_pass(
-        self, stage: "Stage"
-    ) -> None:
+    def test_obstacle_at_piece_does_not_block_same_number_in_next_pass(self, stage: "Stage") -> None:
         server = stage.nav_server()
         server.error_code, server.script = 206, ["abort"]
         search = planned(searching(), count=1)
@@ -584,7 +572,7 @@ class TestLeaves:
         assert stage.run(leaf) is Status.SUCCESS
         assert [goal.pose[1:3] for goal in server.goals] == [(1.0, 1.0), (3.0, 3.0)]
 
-    def test_where_no_piece_is_open_there_is_nowhere_to_drive_to(self, stage: "Stage") -> None:
+    def test_drive_to_piece_without_open_piece_fails(self, stage: "Stage") -> None:
         search = searching()
         assert stage.run(self.take(stage, search, "NavigateToPiece", record=search.record)) is Status.FAILURE
         assert stage.warnings == ["'NavigateToPiece' has no target: no piece is open."]
@@ -596,7 +584,7 @@ class TestLeaves:
             ("SkipPiece", ["skipped", "skipped the last", "no piece"]),
         ],
     )
-    def test_who_ends_with_a_piece_says_whether_it_was_the_last(
+    def test_outcome_states_whether_piece_was_the_last(
         self, name: str, labels: list[str], stage: "Stage"
     ) -> None:
         search = planned(searching(), count=2)
@@ -607,14 +595,14 @@ class TestLeaves:
             assert stage.run(leaf) is Status.SUCCESS
             assert leaf.outcome_label == label
 
-    def test_a_piece_that_is_skipped_and_a_pass_that_ends_are_told(self, stage: "Stage") -> None:
+    def test_skipped_piece_and_end_of_pass_are_logged(self, stage: "Stage") -> None:
         search = planned(searching(), count=2)
         stage.run(self.take(stage, search, "SkipPiece"))
         stage.run(self.take(stage, search, "AdvancePiece"))
         assert stage.warnings == ["Skipping piece 1/2 of a."]
         assert stage.lines == ["a: 0% seen, POD 0%, 1 gaps."]
 
-    def test_a_sweep_all_of_whose_pieces_are_done_is_not_planned_again(self, stage: "Stage") -> None:
+    def test_outcome_of_planning_states_open_or_finished_sweep(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)
         leaf = self.take(stage, search, "PlanSweep")
         assert stage.run(leaf) is Status.SUCCESS
@@ -624,20 +612,20 @@ class TestLeaves:
         assert leaf.outcome_label == "swept before"
         assert search.sweeps.state_of("a").passes == 1
 
-    def test_what_was_missed_is_swept_once_more_until_all_passes_are_made(self, stage: "Stage") -> None:
+    def test_missed_ground_is_swept_again_up_to_max_passes(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)
         search.sweeps.drive("a", [(0.0, 1.0), (4.0, 1.0)] * 4, None)
         stage.run(self.take(stage, search, "AdvancePiece"))
         leaf = self.take(stage, search, "RefineSweep", until_pod=0.8, max_passes=2)
         assert stage.run(leaf) is Status.SUCCESS
         assert (search.sweeps.state_of("a").pattern, search.sweeps.state_of("a").passes) == ("gaps", 2)
-        # What lies beyond the range of the legs at y = 1, in legs along its long side.
+        # The ground beyond the range of the drive at y = 1 is swept in legs along its long side.
         assert {round(y, 2) for _, y in places(search)} == {3.12}
         while search.sweeps.state_of("a").open_count:
             search.sweeps.skip("a", "not reached, or not searched")
         assert stage.run(leaf) is Status.FAILURE
 
-    def test_what_was_looked_at_well_enough_is_not_swept_again(self, stage: "Stage") -> None:
+    def test_sufficiently_searched_ground_is_not_swept_again(self, stage: "Stage") -> None:
         search = planned(searching(), count=1)
         for y in (0.5, 1.5, 2.5, 3.5):
             search.sweeps.drive("a", [(0.0, y), (4.0, y)] * 2, None)

@@ -1,4 +1,4 @@
-"""Whole missions: the tree of the leaves, once under py_trees' own tree class, and two at once."""
+"""Tests of whole missions with py_trees' own tree class, and of two missions in one process."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -59,7 +59,7 @@ def search_and_rescue(stage: "Stage") -> py_trees.behaviour.Behaviour:
 
 
 class Mission:
-    """A stage with every server, and its tree."""
+    """A stage with all servers, and its tree."""
 
     def __init__(self, stage: "Stage", survivors: dict[str, tuple[float, float]]) -> None:
         self.stage = stage
@@ -114,7 +114,7 @@ def run(*missions: Mission) -> None:
     missions[0].stage.until(done, "home")
 
 
-def test_a_mission_runs_to_its_end_and_says_what_it_does(stage: "Stage") -> None:
+def test_mission_runs_to_its_end_and_logs_each_step(stage: "Stage") -> None:
     mission = Mission(stage, {"zone_a": (-2.5, 3.2)})
     run(mission)
     assert mission.said == NOMINAL.splitlines()
@@ -143,7 +143,7 @@ def test_two_missions_in_one_process_do_not_mix(make_stage: Callable[[], "Stage"
         assert mission.stage.record.shortfalls(mission.stage.zones) == []
 
 
-def test_a_refused_report_leaves_the_mission_short_of_one_acknowledgement(stage: "Stage") -> None:
+def test_refused_report_is_the_only_shortfall(stage: "Stage") -> None:
     mission = Mission(stage, {"zone_a": (-2.5, 3.2)})
     mission.report.answer = lambda _, response: setattr(response, "acknowledged", False)
     run(mission)
@@ -152,7 +152,7 @@ def test_a_refused_report_leaves_the_mission_short_of_one_acknowledgement(stage:
     ]
 
 
-def test_a_zone_out_of_reach_is_tried_again_and_home_gives_way(stage: "Stage") -> None:
+def test_unreachable_zone_is_retried_until_reachable(stage: "Stage") -> None:
     mission = Mission(stage, {})
     mission.nav.script = ["abort"]
 

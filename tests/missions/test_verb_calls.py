@@ -1,4 +1,4 @@
-"""Orders from other threads become calls in the thread of the node's executor."""
+"""Tests of the command client: commands from other threads become service calls in the thread of the node's executor."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ PAUSE = OperatorCommand("pause", "Pause", "Stops it.")
 
 
 class Stage:
-    """A node with services of its own, and who calls them."""
+    """A node with its own service, and the client that calls it."""
 
     def __init__(self, ros, *verbs):
         from std_srvs.srv import Trigger
@@ -42,26 +42,26 @@ def stage(ros):
     return Stage(ros, PAUSE).ready()
 
 
-def test_an_order_is_called_and_its_answer_comes_back(stage):
+def test_command_is_called_and_response_returned(stage):
     assert stage.answer(stage.calls.send("pause", {})).result() == (False, "it stands still already")
     assert stage.carried_out == ["pause"]
 
 
-def test_an_order_that_was_given_up_before_it_was_sent_is_not_carried_out(stage):
+def test_command_canceled_before_sending_is_not_executed(stage):
     given_up, heeded = stage.calls.send("pause", {}), stage.calls.send("pause", {})
     assert given_up.cancel()
     stage.answer(heeded)
     assert stage.carried_out == ["pause"]
 
 
-def test_an_order_that_was_sent_cannot_be_given_up_any_more(stage):
+def test_sent_command_cannot_be_canceled(stage):
     order = stage.calls.send("pause", {})
     stage.ros.spin_until(order.running, "the call")
     assert not order.cancel()
     assert stage.answer(order).result() == (False, "it stands still already")
 
 
-def test_what_cannot_be_sent_is_said_and_ends_nothing(stage, monkeypatch):
+def test_failed_sending_raises_and_later_commands_work(stage, monkeypatch):
     client = stage.calls._clients["pause"]
 
     def refuse(_):
@@ -75,7 +75,7 @@ def test_what_cannot_be_sent_is_said_and_ends_nothing(stage, monkeypatch):
     assert stage.answer(stage.calls.send("pause", {})).result()[1] == "it stands still already"
 
 
-def test_an_order_that_nobody_has_a_service_for_is_refused(ros):
+def test_command_without_service_is_rejected(ros):
     stage = Stage(ros, PAUSE, OperatorCommand("dance", "Dance", "Dances.")).ready()
     with pytest.raises(CommandError, match="no node of this tree executes 'dance'"):
         stage.calls.send("dance", {})

@@ -1,4 +1,4 @@
-"""What comes with an order is what its verb asks for."""
+"""Tests of operator commands: their values are checked against the declared fields."""
 
 import math
 
@@ -21,7 +21,7 @@ GO = OperatorCommand(
 RIGHT = {"name": "there", "x": 1, "how": "FAST", "whom": ""}
 
 
-def test_the_values_of_a_complete_order_are_taken():
+def test_complete_command_is_accepted():
     assert GO.check(RIGHT) == {**RIGHT, "x": 1.0}
 
 
@@ -45,7 +45,7 @@ def test_the_values_of_a_complete_order_are_taken():
         ({"\ud800": "so"}, r"go has no field '\ud800'"),
     ],
 )
-def test_what_is_wrong_with_an_order_is_said(values, words):
+def test_invalid_command_value_is_reported(values, words):
     with pytest.raises(CommandError) as error:
         GO.check({**RIGHT, **values})
     assert words in str(error.value)
@@ -53,24 +53,24 @@ def test_what_is_wrong_with_an_order_is_said(values, words):
 
 @pytest.mark.parametrize("kind", ["text", "number", "choice", "found"])
 @pytest.mark.parametrize("values", [{}, {"how": ""}, {"how": None}])
-def test_what_is_optional_may_be_left_empty(kind, values):
+def test_optional_field_may_be_empty(kind, values):
     field = CommandField("how", "How", kind, (("FAST", "fast"),), optional=True)
     assert OperatorCommand("go", "Go", "Goes.", fields=(field,)).check(values) == {
         "how": None if kind == "number" else ""
     }
 
 
-def test_a_value_that_is_missing_is_named():
+def test_missing_value_is_reported():
     with pytest.raises(CommandError, match="go: x is None, but must be a number"):
         GO.check({"name": "there", "how": "FAST", "whom": ""})
 
 
-def test_orders_that_cannot_be_undone_ask_first():
+def test_irreversible_commands_require_confirmation():
     assert {verb.name for verb in VERBS if verb.confirm} == {"skip_zone", "go_home", "abort"}
 
 
 @pytest.mark.ros
-def test_the_orders_of_the_mission_fill_the_requests_of_its_services():
+def test_commands_fill_requests_of_their_services():
     from sar_interfaces.srv import AddZone, JudgeSurvivor
 
     verbs = {verb.name: verb for verb in VERBS}
@@ -93,7 +93,7 @@ def test_the_orders_of_the_mission_fill_the_requests_of_its_services():
 
 @pytest.mark.ros
 @pytest.mark.parametrize(("x", "y"), [(None, None), (1.5, -2.0)])
-def test_a_hint_is_about_a_zone_or_a_place(x, y):
+def test_hint_request_contains_zone_and_optional_position(x, y):
     from sar_interfaces.srv import AddHint
 
     verb, request = {each.name: each for each in VERBS}["add_hint"], AddHint.Request()
@@ -104,7 +104,7 @@ def test_a_hint_is_about_a_zone_or_a_place(x, y):
 
 
 @pytest.mark.ros
-def test_an_area_is_drawn_with_what_is_known_of_it():
+def test_area_request_contains_known_values():
     from sar_interfaces.srv import AddArea
 
     verb, request = {each.name: each for each in VERBS}["add_area"], AddArea.Request()
@@ -121,7 +121,7 @@ def test_an_area_is_drawn_with_what_is_known_of_it():
     "corners",
     [[[0, 0], [1, 0]], [[0, 0]] * 101, [[0, 0], [1, 0], [1]], [[0, 0], [1, 0], [1, math.inf]], "[[0, 0]", 3],
 )
-def test_an_outline_that_is_none_is_refused(corners):
+def test_invalid_polygon_is_rejected(corners):
     verb = {each.name: each for each in VERBS}["add_area"]
     with pytest.raises(
         CommandError, match=r"add_area: corners is .*, but must be 3 to 100 corners, each \[x, y\] in metres"

@@ -1,4 +1,4 @@
-"""The mission's zones."""
+"""Tests of the zones of a mission."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ def zones(count: int) -> list[dict[str, Any]]:
     return [{"id": f"zone_{index}", "x": float(index), "y": -1.0, "yaw": 0.1} for index in range(count)]
 
 
-def test_the_zones_come_in_their_order() -> None:
+def test_zones_come_in_given_order() -> None:
     manager = ZoneManager(zones(3), BASE)
     seen = []
     while manager.has_remaining():
@@ -26,7 +26,7 @@ def test_the_zones_come_in_their_order() -> None:
     assert seen == zones(3)
 
 
-def test_past_the_end_there_is_no_current_zone() -> None:
+def test_no_current_zone_after_last_one() -> None:
     manager = ZoneManager(zones(1), BASE)
     manager.select_next_zone()
     with pytest.raises(IndexError, match="all 1 zones have already been visited"):
@@ -44,7 +44,7 @@ def test_survivors_are_numbered_from_one() -> None:
     assert [manager.next_survivor_id() for _ in range(3)] == ["survivor_1", "survivor_2", "survivor_3"]
 
 
-def test_what_is_given_is_copied() -> None:
+def test_given_zones_and_base_are_copied() -> None:
     given_zones, given_base = zones(1), dict(BASE)
     manager = ZoneManager(given_zones, given_base)
     given_zones[0]["x"] = 99.0
@@ -54,7 +54,7 @@ def test_what_is_given_is_copied() -> None:
     assert manager.base_pose() == BASE
 
 
-def test_what_is_handed_out_is_a_copy() -> None:
+def test_returned_zones_and_base_are_copies() -> None:
     manager = ZoneManager(zones(2), BASE)
     manager.current_zone()["x"] = 99.0
     manager.base_pose()["x"] = 99.0
@@ -64,7 +64,7 @@ def test_what_is_handed_out_is_a_copy() -> None:
     assert manager.base_pose() == BASE
 
 
-def test_a_tree_can_be_looked_at_without_a_mission() -> None:
+def test_zone_manager_has_a_preview() -> None:
     assert is_mission_context(ZoneManager)
     preview = preview_of(ZoneManager)
     assert isinstance(preview, ZoneManager)
@@ -72,7 +72,7 @@ def test_a_tree_can_be_looked_at_without_a_mission() -> None:
 
 
 @given(st.integers(0, 6), st.integers(0, 10))
-def test_advancing_past_the_end_changes_nothing(count: int, steps: int) -> None:
+def test_advancing_after_last_zone_changes_nothing(count: int, steps: int) -> None:
     manager = ZoneManager(zones(count), BASE)
     for _ in range(steps):
         manager.select_next_zone()
@@ -80,7 +80,7 @@ def test_advancing_past_the_end_changes_nothing(count: int, steps: int) -> None:
     assert manager.remaining_zones() == zones(count)[steps:]
 
 
-def test_a_postponed_zone_comes_after_all_others_that_are_left() -> None:
+def test_postponed_zone_moves_to_end() -> None:
     manager = ZoneManager(zones(3), BASE)
     manager.select_next_zone()
     manager.postpone()
@@ -88,7 +88,7 @@ def test_a_postponed_zone_comes_after_all_others_that_are_left() -> None:
     assert manager.current_index() == 1
 
 
-def test_it_is_counted_for_each_zone_how_often_it_was_postponed() -> None:
+def test_postponements_are_counted_per_zone() -> None:
     manager = ZoneManager(zones(2), BASE)
     manager.postpone()
     assert manager.times_postponed() == 0
@@ -97,7 +97,7 @@ def test_it_is_counted_for_each_zone_how_often_it_was_postponed() -> None:
     assert manager.times_postponed() == 1
 
 
-def test_an_abandoned_zone_does_not_remain_and_was_not_visited() -> None:
+def test_abandoned_zone_is_neither_remaining_nor_visited() -> None:
     manager = ZoneManager(zones(2), BASE)
     manager.abandon()
     assert manager.current_zone()["id"] == "zone_1"
@@ -108,7 +108,7 @@ def test_an_abandoned_zone_does_not_remain_and_was_not_visited() -> None:
     assert manager.abandoned_zones() == zones(1)
 
 
-def test_past_the_end_there_is_nothing_to_postpone_or_abandon() -> None:
+def test_postponing_and_abandoning_after_last_zone_change_nothing() -> None:
     manager = ZoneManager([], BASE)
     manager.postpone()
     manager.abandon()
@@ -118,7 +118,7 @@ def test_past_the_end_there_is_nothing_to_postpone_or_abandon() -> None:
 
 
 class ZoneManagerInAnyOrder(RuleBasedStateMachine):
-    """Whatever is called in whatever order, the plan and its place stay what they are."""
+    """Calls in any order: remaining, abandoned and visited zones match a simple model."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -150,7 +150,7 @@ class ZoneManagerInAnyOrder(RuleBasedStateMachine):
         self.names.append(self.manager.next_survivor_id())
 
     @rule(key=st.sampled_from(["x", "y", "yaw"]))
-    def spoil_what_was_handed_out(self, key: str) -> None:
+    def modify_returned_values(self, key: str) -> None:
         if self.manager.has_remaining():
             handed: dict[str, Any] = {**self.manager.current_zone()}
             handed[key] = 1e9
@@ -158,13 +158,13 @@ class ZoneManagerInAnyOrder(RuleBasedStateMachine):
         self.manager.base_pose().clear()  # type: ignore[attr-defined]
 
     @invariant()
-    def the_place_is_the_number_of_advances_up_to_the_end(self) -> None:
+    def current_index_counts_advances(self) -> None:
         assert self.manager.current_index() == self.visited
         assert self.manager.has_remaining() == bool(self.left)
         assert self.manager.total_zones() == 4
 
     @invariant()
-    def the_plan_is_what_was_given_and_done(self) -> None:
+    def zones_match_calls(self) -> None:
         assert self.manager.remaining_zones() == self.left
         assert self.manager.abandoned_zones() == self.abandoned
         assert self.manager.base_pose() == BASE
@@ -172,7 +172,7 @@ class ZoneManagerInAnyOrder(RuleBasedStateMachine):
             assert self.manager.current_zone() == self.left[0]
 
     @invariant()
-    def no_name_is_given_twice(self) -> None:
+    def survivor_names_are_unique(self) -> None:
         assert self.names == [f"survivor_{number + 1}" for number in range(len(self.names))]
 
 

@@ -1,4 +1,4 @@
-"""What the leaves say of zones as facts, for runs without a robot, is what they do."""
+"""Tests of the zone facts of leaves: simulated leaves count zones as the real ones do."""
 
 from typing import TYPE_CHECKING
 
@@ -24,14 +24,16 @@ BASE = {"x": 0.0, "y": 0.0, "yaw": 0.0}
 STEPS = ("AdvanceZone", "PostponeZone", "AbandonZone")
 
 
-def simulated_with(zones: int, attempts: int) -> SimulatedTree:
+def simulate_steps(zones: int, attempts: int) -> SimulatedTree:
     written = {"PostponeZone": f' attempts="{attempts}"'}
     steps = "".join(f"<{step}{written.get(step, '')}/>" for step in STEPS)
     binding = bind_main(forest(f"<Sequence>{steps}</Sequence>"), default_registry())
     return compile_simulated(binding, {}, Assumptions(facts={"zones_left": zones}))
 
 
-def flying(stage: "Stage", zones: ZoneManager, record: MissionRecord, attempts: int) -> dict[str, Behaviour]:
+def real_leaves(
+    stage: "Stage", zones: ZoneManager, record: MissionRecord, attempts: int
+) -> dict[str, Behaviour]:
     leaves = [
         AdvanceZone("AdvanceZone", zones),
         PostponeZone("PostponeZone", zones, attempts=attempts),
@@ -45,13 +47,13 @@ def flying(stage: "Stage", zones: ZoneManager, record: MissionRecord, attempts: 
 @given(
     count=st.integers(1, 4), attempts=st.integers(1, 4), steps=st.lists(st.sampled_from(STEPS), max_size=25)
 )
-def test_postponing_in_rounds_is_postponing_each_zone_so_often(
+def test_simulated_leaves_count_zones_like_real_leaves(
     stage: "Stage", count: int, attempts: int, steps: list[str]
 ) -> None:
     plan = [{"id": f"zone_{index}", "x": 0.0, "y": 0.0, "yaw": 0.0} for index in range(count)]
     search = Search(ZoneManager(plan, BASE))
     zones, record = search.zones, search.record
-    real, simulated_tree = flying(stage, zones, record, attempts), simulated_with(count, attempts)
+    real, simulated_tree = real_leaves(stage, zones, record, attempts), simulate_steps(count, attempts)
     stand_ins = {leaf.name: leaf for leaf in simulated_tree.leaves}
     for step in steps:
         real[step].tick_once()
