@@ -1,4 +1,4 @@
-"""Trees at random, with everything that a file can hold."""
+"""Random trees with everything that a file can contain."""
 
 from hypothesis import strategies as st
 
@@ -10,7 +10,7 @@ SOURCE = parse_xml("<root/>").source
 TAGS = st.sampled_from(["Sequence", "A", "Ä_1", "no", "true", "a.b", "x-y", "ns:Tag"])
 ATTRIBUTES = st.sampled_from(["name", "ID", "memory", "_skipIf", "y", "on", "null", "é", "xsi:a", "a.b-c"])
 
-# What a value can hold: whatever XML can say, with a weakness for what means something in either form.
+# All characters that XML can represent, with emphasis on those that have a meaning in either form.
 ODD = st.sampled_from(" \t\n\r'\"<>&#:-?{}[],|>*!%@`\\=~/._0123456789eExXyn\x85\u2028\ufeff")
 ANY = st.characters(exclude_categories=["Cs"], exclude_characters="\ufffe\uffff").filter(
     lambda character: character >= " " or character in "\t\n\r"
@@ -82,7 +82,7 @@ COMMENT_TEXTS = SAID.map(yaml_comment_text).filter(lambda text: "--" not in text
 
 @st.composite
 def comments(draw, children):
-    """Comments that both forms can have: one beside the tag, others between the children."""
+    """Draw comments that both forms can contain: one beside the tag, others between the children."""
     inner = [
         Comment(text, index)
         for index in range(children + 1)
@@ -110,7 +110,7 @@ def tree_files(draw):
 
 
 def everything(tree_file):
-    """Return all that a file says, with the order of attributes and with comments, to be compared."""
+    """Return the whole content of a file, with the order of attributes and with comments, for comparison."""
     said = [(comment.text, comment.index) for comment in tree_file.comments]
     return said, _all_of(tree_file.root)
 

@@ -1,4 +1,4 @@
-"""Fields of messages in trees in YAML: written there as the YAML that they are."""
+"""Tests of message fields in YAML trees, which are written as YAML."""
 
 import pytest
 from hypothesis import given
@@ -17,7 +17,7 @@ from sar_compiler.tree.yaml_writer import write_yaml
 from tests.tree.strategies import ODD, VALUES, everything
 from tests.tree.test_places_in_values import cut
 
-# What is written for `request`, and the text that it is.
+# The YAML written for `request`, and the string it is read as.
 WRITTEN = [
     ("{data: true}", "{data: true}"),
     ("{a: {x}, b: {@y}}", "{a: {x}, b: {@y}}"),
@@ -50,14 +50,14 @@ def findings_of(text):
 
 @pytest.mark.parametrize("line_end", ["\n", "\r\n"])
 @pytest.mark.parametrize(("written", "text"), WRITTEN)
-def test_a_mapping_or_a_list_in_the_place_of_fields_is_their_text(written, text, line_end):
+def test_mapping_or_list_for_fields_is_read_as_string(written, text, line_end):
     root = parse_yaml(file_with(written, line_end)).root
     assert root.attributes == {"request": text, "service": "s"}
     assert not root.comments
 
 
 @pytest.mark.parametrize(("written", "text"), WRITTEN)
-def test_each_word_of_the_text_has_its_place_in_the_file(written, text):
+def test_each_word_of_fields_has_its_location_in_file(written, text):
     for line_end in ("\n", "\r\n"):
         root = parse_yaml(file_with(written, line_end)).root
         for word in text.split():
@@ -67,7 +67,7 @@ def test_each_word_of_the_text_has_its_place_in_the_file(written, text):
 
 
 @pytest.mark.parametrize(("written", "text"), WRITTEN)
-def test_fields_come_back_from_xml_and_from_the_canonical_form(written, text):
+def test_fields_survive_round_trip_through_xml_and_canonical_form(written, text):
     tree_file = parse_yaml(file_with(written))
     canonical = write_yaml(tree_file)
     assert parse_yaml(canonical).root == tree_file.root
@@ -93,7 +93,7 @@ def test_fields_come_back_from_xml_and_from_the_canonical_form(written, text):
         ("word", ["request: word"]),
     ],
 )
-def test_fields_are_written_as_yaml_where_that_is_read_as_the_same_text(text, lines):
+def test_fields_are_written_as_yaml_if_they_read_back_as_same_string(text, lines):
     for tag, attributes in (("RosService", {}), ("Action", {"ID": "RosService"})):
         element = synthetic_element(tag, {**attributes, "request": text})
         written = write_yaml(synthetic_file(element))
@@ -111,7 +111,7 @@ FIELD_TEXTS = st.lists(
 
 
 @given(texts=st.lists(FIELD_TEXTS | VALUES, min_size=2, max_size=2), deep=st.booleans())
-def test_any_text_of_fields_comes_back(texts, deep):
+def test_any_fields_string_survives_round_trip(texts, deep):
     leaf = synthetic_element("RosService", dict(zip(("request", "fields"), texts, strict=True)))
     root = synthetic_element("Sequence", {"name": "x"}, [leaf]) if deep else leaf
     written = write_yaml(synthetic_file(root))
@@ -150,7 +150,7 @@ def test_comments_around_fields_belong_to_their_attribute():
         "Action:\n  request:\n    a: 1\n  ID: RosService",
     ],
 )
-def test_the_id_of_an_explicit_form_says_what_takes_fields_before_and_behind_them(text):
+def test_explicit_form_accepts_fields_before_or_after_its_id(text):
     assert read_fields(parse_yaml(text).root.attributes["request"]).fields.keys() == {"a"}
 
 
@@ -165,11 +165,11 @@ def test_the_id_of_an_explicit_form_says_what_takes_fields_before_and_behind_the
         ("RosPublish: {topic: {@where}}", (1, 21)),
     ],
 )
-def test_a_mapping_in_the_place_of_any_other_attribute_is_a_finding(text, place):
+def test_mapping_for_attribute_without_fields_is_reported(text, place):
     assert findings_of(text) == [("wrong-shape", *place)]
 
 
-def test_a_mapping_that_is_no_attribute_leaves_the_places_of_the_others():
+def test_invalid_mapping_does_not_shift_locations_of_other_attributes():
     text = "A: {first: {a: 1}, second: two, third: [3], fourth: four}"
     with pytest.raises(UnfinishedFileError) as caught:
         parse_yaml(text)
@@ -179,19 +179,19 @@ def test_a_mapping_that_is_no_attribute_leaves_the_places_of_the_others():
     assert [cut(root, name, value) for name, value in root.attributes.items()] == ["two", "four"]
 
 
-def test_what_only_yaml_has_is_refused_within_fields_too():
+def test_yaml_only_features_are_rejected_within_fields():
     assert findings_of("RosService: {request: {a: &b 1}}") == [("yaml-anchor", 1, 27)]
     assert findings_of("RosService: {request: !x {a: 1}}")[0] == ("yaml-tag", 1, 23)
     assert findings_of("RosService: {request: {a: 1}, service: !x y}") == [("yaml-tag", 1, 40)]
 
 
-def test_fields_that_go_wrong_are_a_finding_of_yaml():
+def test_malformed_fields_are_reported_as_malformed_yaml():
     assert [code for code, *_ in findings_of("RosService:\n  request: {a: [1\n  service: s\n")] == [
         "malformed-yaml"
     ]
 
 
-def test_a_fix_within_fields_changes_only_its_word():
+def test_fix_within_fields_changes_only_its_word():
     text = "RosPublish:\n  message:\n    'date': |\n      x\n    dato: {y}  # z\n"
     tree_file = parse_yaml(text)
     root = tree_file.root
@@ -203,7 +203,7 @@ def test_a_fix_within_fields_changes_only_its_word():
     assert fixed == text.replace("dato", "data")
 
 
-def test_the_attributes_that_take_fields_are_those_of_the_leaves():
+def test_attributes_with_fields_match_those_declared_by_leaves():
     declared = {
         spec.tag: {
             name for name, each in spec.parameters.items() if each.value_type in (FIELDS, DESTINATIONS)

@@ -1,4 +1,4 @@
-"""What a file includes: found beside it, each file once, and nothing that is none of its business."""
+"""Tests of includes: relative paths, one read per file, and no access outside the permitted folders."""
 
 import os
 from pathlib import Path
@@ -19,7 +19,7 @@ A, B, C = (f'<BehaviorTree ID="{name}"><Success/></BehaviorTree>' for name in "A
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
+def change_to_tmp_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
@@ -33,41 +33,45 @@ def load(path="main.xml", *include_paths):
     return load_forest(Path(path), read_tree_file, [Path(each) for each in include_paths])
 
 
-def files(forest):
+def file_paths(forest):
     return [Path(tree_file.source.path).as_posix() for tree_file in forest.files]
 
 
-def found(forest):
+def findings_of(forest):
     return [(f.code, Path(f.source.path).name, f.span.line, f.span.column) for f in forest.findings]
 
 
-def test_an_included_file_comes_before_the_one_that_includes_it():
+def test_included_file_precedes_including_file():
     write("main.xml", A, include("more.xml"), main="A")
     write("more.xml", B)
     forest = load()
-    assert files(forest) == ["more.xml", "main.xml"]
+    assert file_paths(forest) == ["more.xml", "main.xml"]
     assert list(forest.trees) == ["B", "A"]
     assert forest.findings == ()
 
 
-def test_a_path_is_relative_to_the_file_that_it_stands_in_not_to_where_the_command_was_started():
+def test_include_path_is_relative_to_its_file():
     write("trees/main.xml", A, include("parts/one.xml"))
     write("trees/parts/one.xml", B, include("two.xml"))
     write("trees/parts/two.xml", C)
-    assert files(load("trees/main.xml")) == ["trees/parts/two.xml", "trees/parts/one.xml", "trees/main.xml"]
+    assert file_paths(load("trees/main.xml")) == [
+        "trees/parts/two.xml",
+        "trees/parts/one.xml",
+        "trees/main.xml",
+    ]
 
 
-def test_a_file_that_is_included_twice_is_read_once():
+def test_file_included_twice_is_read_once():
     write("main.xml", include("left.xml"), include("right.xml"), include("./left.xml"), A)
     write("left.xml", include("both.xml"), B)
     write("right.xml", include("both.xml"), C)
     write("both.xml", A.replace("A", "D"))
     forest = load()
-    assert files(forest) == ["both.xml", "left.xml", "right.xml", "main.xml"]
+    assert file_paths(forest) == ["both.xml", "left.xml", "right.xml", "main.xml"]
     assert forest.findings == ()
 
 
-def test_yaml_and_xml_include_each_other():
+def test_yaml_file_can_be_included_by_xml_file():
     write("main.xml", A, include("more.yaml"))
     Path("more.yaml").write_text(
         "root:\n  children:\n    - BehaviorTree:\n        ID: B\n        children:\n          - Success\n",
@@ -76,84 +80,86 @@ def test_yaml_and_xml_include_each_other():
     assert list(load().trees) == ["B", "A"]
 
 
-def test_files_that_include_each_other_are_a_finding_that_names_the_circle():
+def test_mutual_include_is_reported_with_cycle():
     write("main.xml", A, include("one.xml"), main="A")
     write("one.xml", include("two.xml"), B)
     write("two.xml", C, include("one.xml"))
     forest = load()
-    assert found(forest) == [("include-cycle", "two.xml", 3, 16)]
+    assert findings_of(forest) == [("include-cycle", "two.xml", 3, 16)]
     assert "one.xml -> two.xml -> one.xml" in forest.findings[0].message
 
 
-def test_a_file_that_includes_itself_is_a_finding():
+def test_self_include_is_reported():
     write("main.xml", A, include("main.xml"))
-    assert found(load()) == [("include-cycle", "main.xml", 3, 16)]
+    assert findings_of(load()) == [("include-cycle", "main.xml", 3, 16)]
 
 
 @pytest.mark.parametrize("path", ["../outside.xml", "/etc/hostname", "sub/../../outside.xml"])
-def test_a_file_outside_the_folder_of_the_main_file_is_not_read(path):
+def test_file_outside_main_folder_is_not_read(path):
     write("outside.xml", B)
     write("trees/main.xml", A, include(path))
     forest = load("trees/main.xml")
-    assert found(forest) == [("include-outside", "main.xml", 3, 16)]
-    assert files(forest) == ["trees/main.xml"]
+    assert findings_of(forest) == [("include-outside", "main.xml", 3, 16)]
+    assert file_paths(forest) == ["trees/main.xml"]
     assert "--include-path" in (forest.findings[0].hint or "")
 
 
-def test_a_link_out_of_the_folder_is_not_followed():
+def test_symlink_out_of_main_folder_is_not_followed():
     write("outside.xml", B)
     write("trees/main.xml", A, include("link.xml"))
     Path("trees/link.xml").symlink_to(Path("outside.xml").resolve())
-    assert found(load("trees/main.xml")) == [("include-outside", "main.xml", 3, 16)]
+    assert findings_of(load("trees/main.xml")) == [("include-outside", "main.xml", 3, 16)]
 
 
-def test_a_folder_that_is_allowed_may_be_included_from():
+def test_include_from_permitted_folder_succeeds():
     write("library/part.xml", B)
     write("trees/main.xml", A, include("../library/part.xml"))
     assert load("trees/main.xml", "library").findings == ()
 
 
-def test_links_that_lead_in_a_circle_are_a_finding():
+def test_cyclic_symlinks_are_reported():
     Path("a.xml").symlink_to("b.xml")
     Path("b.xml").symlink_to("a.xml")
     write("main.xml", A, include("a.xml"))
-    assert found(load()) == [("unreadable-include", "main.xml", 3, 16)]
+    assert findings_of(load()) == [("unreadable-include", "main.xml", 3, 16)]
 
 
-def test_a_path_that_no_file_can_have_is_a_finding():
+def test_impossible_path_is_reported():
     write("main.xml", A, include("a" * 5000))
-    assert found(load()) == [("unreadable-include", "main.xml", 3, 16)]
+    assert findings_of(load()) == [("unreadable-include", "main.xml", 3, 16)]
 
 
-def test_a_file_that_is_not_there_is_a_finding_at_the_include_that_names_it():
+def test_missing_file_is_reported_at_its_include():
     write("main.xml", A, include("gone.xml"))
     forest = load()
-    assert found(forest) == [("unreadable-include", "main.xml", 3, 16)]
+    assert findings_of(forest) == [("unreadable-include", "main.xml", 3, 16)]
     assert forest.findings[0].message == "cannot read gone.xml: No such file or directory"
 
 
-def test_a_folder_is_no_file_to_include():
+def test_included_folder_is_reported():
     Path("folder").mkdir()
     write("main.xml", A, include("folder"))
-    assert found(load()) == [("unreadable-include", "main.xml", 3, 16)]
+    assert findings_of(load()) == [("unreadable-include", "main.xml", 3, 16)]
 
 
 @pytest.mark.parametrize("attributes", ["", ' path=""'])
-def test_an_include_without_a_path_is_a_finding(attributes):
+def test_include_without_path_is_reported(attributes):
     write("main.xml", A, f"<include{attributes}/>")
-    ((code, _, line, _),) = found(load())
+    ((code, _, line, _),) = findings_of(load())
     assert (code, line) == ("missing-attribute", 3)
 
 
-def test_a_malformed_file_that_is_included_brings_its_own_findings():
+def test_malformed_included_file_reports_its_own_findings():
     write("main.xml", A, include("bad.xml"))
     Path("bad.xml").write_text("<root>\n<BehaviorTree></root>", encoding="utf-8")
     forest = load()
-    assert [(code, file, line) for code, file, line, _ in found(forest)] == [("malformed-xml", "bad.xml", 2)]
+    assert [(code, file, line) for code, file, line, _ in findings_of(forest)] == [
+        ("malformed-xml", "bad.xml", 2)
+    ]
     assert forest.findings[0].render().startswith("bad.xml:2:")
 
 
-def test_the_file_itself_must_be_there_and_well_formed():
+def test_missing_or_malformed_main_file_raises_error():
     with pytest.raises(UnreadableFileError, match=r"cannot read main\.xml"):
         load()
     Path("main.xml").write_text("<root>", encoding="utf-8")
@@ -173,11 +179,11 @@ def package():
 
 
 @pytest.fixture(autouse=True)
-def no_workspace(monkeypatch):
+def clear_workspace(monkeypatch):
     monkeypatch.setenv("AMENT_PREFIX_PATH", "")
 
 
-def test_a_file_of_a_ros_package_is_found_in_the_sourced_workspaces(package):
+def test_file_of_ros_package_is_found_in_sourced_workspaces(package):
     write(package / "trees/part.xml", B, include("other.xml"))
     write(package / "trees/other.xml", C)
     write("trees/main.xml", A, include("trees/part.xml", ros_pkg="my_trees"))
@@ -186,7 +192,7 @@ def test_a_file_of_a_ros_package_is_found_in_the_sourced_workspaces(package):
     assert list(forest.trees) == ["C", "B", "A"]
 
 
-def test_a_package_that_was_installed_with_links_to_its_sources_is_found_as_well(package):
+def test_symlink_installed_package_is_found(package):
     write("source/part.xml", B, include("other.xml"))
     write("source/other.xml", C)
     package.mkdir(parents=True)
@@ -197,96 +203,96 @@ def test_a_package_that_was_installed_with_links_to_its_sources_is_found_as_well
     assert list(forest.trees) == ["C", "B", "A"]
 
 
-def test_a_path_out_of_the_package_is_not_read(package):
+def test_path_out_of_package_is_not_read(package):
     write(package / "../secret.xml", B)
     write("trees/main.xml", A, include("../secret.xml", ros_pkg="my_trees"))
-    assert found(load("trees/main.xml")) == [("include-outside", "main.xml", 3, 16)]
+    assert findings_of(load("trees/main.xml")) == [("include-outside", "main.xml", 3, 16)]
 
 
 @pytest.mark.parametrize("name", ["unknown", "", "..", "a/b", "../my_trees"])
-def test_a_package_that_is_not_installed_is_a_finding_at_its_name(package, name):
+def test_unknown_package_is_reported_at_its_name(package, name):
     write("main.xml", A, include("part.xml", ros_pkg=name))
-    assert found(load()) == [
+    assert findings_of(load()) == [
         ("unknown-package", "main.xml", 3, len('<include path="part.xml" ros_pkg="') + 1)
     ]
 
 
-def test_a_package_beside_an_absolute_path_means_nothing(package):
+def test_package_is_ignored_for_absolute_path(package):
     write("part.xml", B)
     write("main.xml", A, include(Path("part.xml").resolve(), ros_pkg="unknown"))
     assert load().findings == ()
 
 
-def test_includes_end_at_a_depth():
+def test_include_depth_is_limited():
     for number in range(MAX_INCLUDE_DEPTH + 3):
         write(f"{number}.xml", include(f"{number + 1}.xml"))
     forest = load("0.xml")
-    assert found(forest) == [("too-many-includes", f"{MAX_INCLUDE_DEPTH}.xml", 2, 16)]
+    assert findings_of(forest) == [("too-many-includes", f"{MAX_INCLUDE_DEPTH}.xml", 2, 16)]
     assert str(MAX_INCLUDE_DEPTH) in forest.findings[0].message
 
 
-def test_more_files_than_a_limit_are_one_finding():
+def test_too_many_files_are_one_finding():
     for number in range(MAX_FILES + 5):
         write(f"{number}.xml")
     write("main.xml", A, *(include(f"{number}.xml") for number in range(MAX_FILES + 5)))
     forest = load()
-    assert found(forest) == [("too-many-includes", "main.xml", MAX_FILES + 2, 16)]
+    assert findings_of(forest) == [("too-many-includes", "main.xml", MAX_FILES + 2, 16)]
     assert len(forest.files) == MAX_FILES
 
 
-def test_the_main_tree_is_the_one_asked_for():
+def test_requested_tree_is_main_tree():
     write("main.xml", A, include("more.xml"), main="A")
     write("more.xml", B, main="B")
     assert find_main_tree(load(), "B").attributes["ID"] == "B"
 
 
-def test_the_main_tree_is_the_one_that_the_file_given_names_not_an_included_one():
+def test_main_tree_is_read_from_main_file_before_included_file():
     write("main.xml", A, B, include("more.xml"), main="B")
     write("more.xml", C, main="C")
     assert find_main_tree(load()).attributes["ID"] == "B"
 
 
-def test_the_main_tree_may_stand_in_an_included_file():
+def test_main_tree_can_be_in_included_file():
     write("main.xml", include("more.xml"), main="B")
     write("more.xml", A, B)
     assert find_main_tree(load()).attributes["ID"] == "B"
 
 
-def test_a_file_with_one_tree_executes_it_whatever_it_includes():
+def test_only_tree_of_main_file_is_main_tree():
     write("main.xml", A, include("more.xml"))
     write("more.xml", B, C)
     assert find_main_tree(load()).attributes["ID"] == "A"
 
 
-def test_a_file_without_trees_executes_the_only_one_that_it_includes():
+def test_only_included_tree_is_main_tree_of_file_without_trees():
     write("main.xml", include("more.xml"))
     write("more.xml", B)
     assert find_main_tree(load()).attributes["ID"] == "B"
 
 
-def test_a_file_that_does_not_say_which_of_several_included_trees_to_execute_is_a_finding():
+def test_ambiguous_main_tree_among_included_trees_is_reported():
     write("main.xml", include("more.xml"))
     write("more.xml", A, B)
     with pytest.raises(TreeError, match=r"2 trees .*, but does not say which is the main tree"):
         find_main_tree(load())
 
 
-def test_a_main_tree_that_is_not_there_is_a_finding_with_the_nearest_name():
+def test_unknown_main_tree_is_reported_with_nearest_name():
     write("main.xml", A.replace("A", "Patrol"), main="Partol")
     with pytest.raises(TreeError, match=r"main\.xml:1:46: .*\n.*\n.*did you mean 'Patrol'"):
         find_main_tree(load())
 
 
-def checked(forest):
+def check_findings(forest):
     return [
         (f.code, Path(f.source.path).name, f.span.line, f.message) for f in check(forest, default_registry())
     ]
 
 
-def test_an_id_that_an_included_file_has_already_is_a_finding_that_names_that_file():
+def test_duplicate_tree_id_names_included_file():
     write("main.xml", A, include("more.xml"))
     write("more.xml", B, A)
-    assert checked(load()) == [
+    assert check_findings(load()) == [
         (
             "duplicate-tree-id",
             "main.xml",
@@ -296,16 +302,16 @@ def test_an_id_that_an_included_file_has_already_is_a_finding_that_names_that_fi
     ]
 
 
-def test_findings_stand_file_by_file_beginning_with_the_main_one():
+def test_findings_are_grouped_by_file_main_file_first():
     write("main.xml", include("more.xml"), "<BehaviorTree ID='A'><Sucess/></BehaviorTree>", main="A")
     write("more.xml", "<BehaviorTree ID='B'><Sucess/></BehaviorTree>")
-    assert [(code, file) for code, file, *_ in checked(load())] == [
+    assert [(code, file) for code, file, *_ in check_findings(load())] == [
         ("unknown-node", "main.xml"),
         ("unknown-node", "more.xml"),
     ]
 
 
-def test_an_include_of_a_pipe_is_refused_without_waiting_for_a_writer():
+def test_included_pipe_is_rejected_without_blocking():
     os.mkfifo("pipe.xml")
     write("main.xml", include("pipe.xml"), B)
     (finding,) = load().findings
@@ -323,20 +329,20 @@ def test_an_include_of_a_pipe_is_refused_without_waiting_for_a_writer():
         ("ab.xml", "cd.xml", None),
     ],
 )
-def test_only_a_name_that_is_near_is_suggested_for_a_missing_file(there, meant, suggestion):
+def test_only_similar_file_name_is_suggested(there, meant, suggestion):
     write(there, A)
     write("main.xml", include(meant), B)
     assert [finding.suggestion for finding in load().findings] == [suggestion]
 
 
-def test_a_folder_is_not_suggested_in_its_own_place():
+def test_folder_is_not_suggested_for_itself():
     Path("d.xml").mkdir()
     write("main.xml", include("d.xml"), B)
     (finding,) = load().findings
     assert (finding.code, finding.suggestion) == ("unreadable-include", None)
 
 
-def test_names_for_missing_files_are_suggested_as_long_as_few_were_compared(monkeypatch):
+def test_number_of_compared_file_names_is_limited(monkeypatch):
     monkeypatch.setattr(forest, "MAX_NEIGHBOURS", 2)
     for name in ("arm.xml", "leg.xml"):
         write(name, A)

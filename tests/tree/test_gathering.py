@@ -1,4 +1,4 @@
-"""Which files in folders are tree files."""
+"""Tests of finding tree files in folders."""
 
 import os
 from pathlib import Path
@@ -12,7 +12,7 @@ TREE = '<root BTCPP_format="4"><BehaviorTree ID="A"><AlwaysSuccess/></BehaviorTr
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
+def change_to_tmp_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
@@ -21,7 +21,7 @@ def write(path, text=TREE, encoding="utf-8"):
     Path(path).write_text(text, encoding=encoding)
 
 
-def names(paths):
+def posix_paths(paths):
     return [path.as_posix() for path in paths]
 
 
@@ -43,7 +43,7 @@ def names(paths):
         ("a.yaml", "{root: {children: [{BehaviorTree: {}}]}}"),
     ],
 )
-def test_a_tree_file_is_told_by_its_ending_and_its_root(name, text):
+def test_tree_file_is_recognized_by_suffix_and_root(name, text):
     write(name, text)
     assert is_tree_file(Path(name))
 
@@ -62,39 +62,39 @@ def test_a_tree_file_is_told_by_its_ending_and_its_root(name, text):
         ("a.yaml", ""),
     ],
 )
-def test_other_files_are_passed_over(name, text):
+def test_other_files_are_ignored(name, text):
     write(name, text)
     assert not is_tree_file(Path(name))
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
-def test_a_byte_order_mark_does_not_matter(encoding):
+def test_byte_order_mark_is_ignored(encoding):
     write("a.xml", TREE, encoding)
     assert is_tree_file(Path("a.xml"))
 
 
-def test_a_folder_is_looked_into_but_for_hidden_ones_and_those_of_colcon():
+def test_folders_are_searched_except_hidden_and_colcon_folders():
     for path in ("b.xml", "trees/a.xml", "trees/deep/c.xml"):
         write(f"ws/{path}")
     for path in (".hidden/a.xml", "build/a.xml", "trees/install/a.xml", "log/a.xml", ".a.xml"):
         write(f"ws/{path}")
-    assert names(tree_files_in(Path("ws"))) == ["ws/b.xml", "ws/trees/a.xml", "ws/trees/deep/c.xml"]
+    assert posix_paths(tree_files_in(Path("ws"))) == ["ws/b.xml", "ws/trees/a.xml", "ws/trees/deep/c.xml"]
 
 
-def test_links_that_lead_round_in_a_circle_are_not_followed_for_ever():
+def test_cyclic_symlinks_are_not_followed():
     write("ws/a.xml")
     Path("ws/up").symlink_to(Path("ws").resolve(), target_is_directory=True)
     Path("ws/loop.xml").symlink_to("loop.xml")
-    assert names(tree_files_in(Path("ws"))) == ["ws/a.xml"]
+    assert posix_paths(tree_files_in(Path("ws"))) == ["ws/a.xml"]
 
 
-def test_a_pipe_in_a_folder_is_passed_over():
+def test_pipe_in_folder_is_ignored():
     write("ws/a.xml")
     os.mkfifo("ws/pipe.xml")
-    assert names(tree_files_in(Path("ws"))) == ["ws/a.xml"]
+    assert posix_paths(tree_files_in(Path("ws"))) == ["ws/a.xml"]
 
 
-def test_a_folder_that_is_not_there_cannot_be_read():
+def test_missing_folder_raises_error():
     with pytest.raises(UnreadableFileError, match="cannot read nowhere: No such file"):
         tree_files_in(Path("nowhere"))
 
@@ -111,8 +111,8 @@ def test_a_folder_that_is_not_there_cannot_be_read():
         ("gone*.xml", []),
     ],
 )
-def test_a_path_may_be_a_file_a_folder_or_a_pattern(pattern, files):
+def test_path_can_be_file_folder_or_pattern(pattern, files):
     for path in ("trees/a.xml", "trees/deep/c.xml"):
         write(path)
     write("trees/other.xml", "<package/>")
-    assert names(matching_files(Path(), pattern)) == files
+    assert posix_paths(matching_files(Path(), pattern)) == files

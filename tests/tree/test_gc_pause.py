@@ -1,4 +1,4 @@
-"""The garbage collector while something large grows."""
+"""Tests of pausing the garbage collector while a large structure is built."""
 
 import gc
 import weakref
@@ -10,14 +10,14 @@ from sar_compiler.tree.diagnostic import TreeError
 
 
 class Node:
-    """Something that can be part of a cycle."""
+    """An object that can be part of a reference cycle."""
 
     def __init__(self):
         self.other = None
 
 
 @pytest.fixture(autouse=True)
-def _as_it_was():
+def _restore_collector():
     yield
     gc.unfreeze()
     gc.enable()
@@ -27,19 +27,19 @@ def is_old(thing):
     return any(each is thing for each in gc.get_objects(generation=2))
 
 
-def test_the_collector_pauses_while_something_grows():
+def test_collector_pauses_within_block():
     with gc_paused():
         assert not gc.isenabled()
     assert gc.isenabled()
 
 
-def test_the_collector_goes_on_after_an_error():
+def test_collector_resumes_after_error():
     with pytest.raises(TreeError), gc_paused(LARGE):
         raise TreeError([])
     assert gc.isenabled()
 
 
-def test_a_collector_that_was_off_stays_off():
+def test_disabled_collector_stays_disabled():
     gc.disable()
     with gc_paused(LARGE):
         grown = Node()
@@ -47,20 +47,20 @@ def test_a_collector_that_was_off_stays_off():
     assert not is_old(grown)
 
 
-def test_what_grows_from_a_large_text_counts_as_old_at_once():
+def test_objects_built_from_large_text_are_old_at_once():
     with gc_paused(LARGE):
         grown = Node()
     assert is_old(grown)
 
 
-def test_what_grows_from_a_small_text_grows_old_as_anything_does():
+def test_objects_built_from_small_text_stay_young():
     gc.collect()
     with gc_paused(LARGE - 1):
         grown = Node()
     assert not is_old(grown)
 
 
-def test_garbage_from_before_does_not_grow_old():
+def test_existing_garbage_is_collected_before_pause():
     gc.collect()
     first, second = Node(), Node()
     first.other, second.other = second, first
@@ -70,7 +70,7 @@ def test_garbage_from_before_does_not_grow_old():
         assert seen() is None
 
 
-def test_what_somebody_else_has_frozen_stays_so():
+def test_objects_frozen_by_other_code_stay_frozen():
     gc.freeze()
     frozen = gc.get_freeze_count()
     with gc_paused(LARGE):

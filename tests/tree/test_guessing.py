@@ -1,4 +1,4 @@
-"""Which words may be meant by others: those that are the same word by word, but for slips."""
+"""Tests of typo suggestions: a suggestion has the same words, apart from typos."""
 
 import pytest
 from hypothesis import given
@@ -24,7 +24,7 @@ NEAR = [
     ("BroadcastSurvivorF", "BroadcastSurvivorTF"),
     ("BroadcastSurvivorFT", "BroadcastSurvivorTF"),
 ]
-# Most are of trees in public repositories, which were once said to be meant.
+# Most pairs come from trees in public repositories, and were once suggested.
 NOT_NEAR = [
     ("CheckCondition", "Condition"),
     ("CheckUserApproval", "GetUserApproval"),
@@ -46,12 +46,12 @@ NOT_NEAR = [
 
 
 @pytest.mark.parametrize(("written", "meant"), NEAR)
-def test_a_slip_in_words_is_near(written, meant):
+def test_word_with_typo_is_near(written, meant):
     assert nearest(written, ["Xyzzy", meant]) == meant
 
 
 @pytest.mark.parametrize(("written", "known"), NOT_NEAR)
-def test_another_word_among_words_is_not_near(written, known):
+def test_different_word_is_not_near(written, known):
     assert nearest(written, [known]) is None
     assert nearest(known, [written]) is None
 
@@ -60,7 +60,7 @@ def test_another_word_among_words_is_not_near(written, known):
     st.sampled_from(sorted(tag for tag in default_registry().tags if len(tag) > 4 and tag.isalpha())),
     st.data(),
 )
-def test_one_letter_too_many_too_few_or_swapped_is_near(tag, data):
+def test_extra_missing_or_swapped_letter_is_near(tag, data):
     at = data.draw(st.integers(1, len(tag) - 2))
     less, more, swapped = (
         tag[:at] + tag[at + 1 :],

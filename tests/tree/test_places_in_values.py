@@ -1,4 +1,4 @@
-"""The place of a part of an attribute's value, for what is wrong within a script."""
+"""Tests of locations within attribute values, which findings in scripts use."""
 
 import pytest
 from hypothesis import given
@@ -11,7 +11,7 @@ from tests.tree.strategies import tree_files
 
 
 def cut(element, name, part):
-    """Return what the file has in the place of a part of a value."""
+    """Return the file's text at the location of a part of a value."""
     start = element.attributes[name].index(part)
     source, span = element.source, element.value_part_span(name, start, start + len(part))
     return source.text[source.offset(span.line, span.column) : source.offset(span.end_line, span.end_column)]
@@ -28,7 +28,7 @@ def cut(element, name, part):
         ('"a;\r\nb"', "b", "b"),
     ],
 )
-def test_in_xml_references_and_line_ends_count_as_one_character(written, part, place):
+def test_xml_reference_or_line_end_counts_as_one_character(written, part, place):
     assert cut(parse_xml(f"<root code={written}/>").root, "code", part) == place
 
 
@@ -50,13 +50,13 @@ def test_in_xml_references_and_line_ends_count_as_one_character(written, part, p
         (">\n    one\n    two\n\n    three\n", "three", "three"),
     ],
 )
-def test_in_yaml_quotes_escapes_and_folds_are_passed_over(written, part, place):
+def test_yaml_quotes_escapes_and_folds_are_skipped(written, part, place):
     assert cut(parse_yaml(f"root:\n  code: {written}\n").root, "code", part) == place
 
 
 @pytest.mark.parametrize(("write", "parse"), [(write_xml, parse_xml), (write_yaml, parse_yaml)])
 @given(tree_file=tree_files())
-def test_a_part_is_never_placed_outside_of_its_value(write, parse, tree_file):
+def test_part_location_is_within_its_value(write, parse, tree_file):
     for element in parse(write(tree_file)).root.iterate():
         for name, value in element.attributes.items():
             whole = element.value_span(name)

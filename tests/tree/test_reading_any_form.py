@@ -1,4 +1,4 @@
-"""Which form a file has."""
+"""Tests of the detection of a file's form."""
 
 import os
 
@@ -23,7 +23,7 @@ YAML = "root:\n"
         ("tree.txt", YAML, Form.YAML),
     ],
 )
-def test_the_ending_tells_the_form_and_else_the_first_character(tmp_path, name, content, form):
+def test_form_follows_suffix_or_else_first_character(tmp_path, name, content, form):
     path = tmp_path / name
     path.write_text(content, encoding="utf-8")
     tree_file = read_tree_file(path)
@@ -31,19 +31,19 @@ def test_the_ending_tells_the_form_and_else_the_first_character(tmp_path, name, 
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_a_byte_order_mark_does_not_hide_the_first_character(tmp_path, encoding):
+def test_byte_order_mark_does_not_hide_first_character(tmp_path, encoding):
     path = tmp_path / "tree"
     path.write_text(XML, encoding=encoding)
     assert read_tree_file(path).source.form is Form.XML
 
 
-def test_a_named_pipe_is_refused_without_waiting_for_a_writer(tmp_path):
+def test_named_pipe_is_rejected_without_blocking(tmp_path):
     os.mkfifo(tmp_path / "tree.xml")
     with pytest.raises(UnreadableFileError, match=r"tree\.xml: it is a pipe, not a file"):
         read_tree_file(tmp_path / "tree.xml")
 
 
-def test_a_pipe_of_the_shell_is_read():
+def test_shell_pipe_is_read():
     end, start = os.pipe()
     os.write(start, XML.encode())
     os.close(start)

@@ -1,4 +1,4 @@
-"""What the XML reader makes of a file: elements with their places, or one finding."""
+"""Tests of the XML reader: it returns elements with locations, or reports one finding."""
 
 import pytest
 from hypothesis import given
@@ -20,19 +20,19 @@ def finding_of(data):
     return finding.code, finding.span.line, finding.span.column
 
 
-def test_an_element_knows_the_line_and_column_of_its_tag():
+def test_element_has_line_and_column_of_its_tag():
     root = parse_xml("<root>\n  <A/>\n\t<B\n/></root>").root
     assert [(e.tag, e.line, e.column) for e in root.iterate()] == [("root", 1, 1), ("A", 2, 3), ("B", 3, 2)]
 
 
-def test_an_element_that_was_read_equals_one_that_was_made():
+def test_parsed_element_equals_constructed_element():
     source = parse_xml("<A/>").source
     read = parse_xml('<root a="1"><B/></root>').root
     made = Element("root", {"a": "1"}, (Element("B", {}, (), source, 1, 1),), source, 1, 1)
     assert read == made
 
 
-def test_an_attribute_knows_where_its_name_and_its_value_stand():
+def test_attribute_has_spans_of_name_and_value():
     root = parse_xml('<root first = "1"\n   second=\'a"b\'/>').root
     assert root.name_span("first") == Span(1, 7, 1, 12)
     assert root.value_span("first") == Span(1, 16, 1, 17)
@@ -40,27 +40,27 @@ def test_an_attribute_knows_where_its_name_and_its_value_stand():
     assert root.value_span("second") == Span(2, 12, 2, 15)
 
 
-def test_columns_count_characters_and_not_bytes():
+def test_columns_count_characters_not_bytes():
     child = parse_xml('<root a="äöü"><Ä ß="é"/></root>').root.children[0]
     assert (child.line, child.column) == (1, 15)
     assert child.value_span("ß") == Span(1, 21, 1, 22)
 
 
-def test_an_attribute_whose_name_ends_like_another_is_not_taken_for_it():
+def test_attribute_name_is_not_found_in_longer_name():
     root = parse_xml('<root survivor_id="id=" id="x"/>').root
     assert root.name_span("id") == Span(1, 25, 1, 27)
 
 
-def test_a_greater_than_sign_in_a_value_does_not_end_the_tag():
+def test_greater_than_sign_in_value_does_not_end_tag():
     root = parse_xml('<root a="1>2" b="3"/>').root
     assert root.value_span("b") == Span(1, 18, 1, 19)
 
 
-def test_values_are_read_with_their_entities_resolved():
+def test_entities_in_values_are_resolved():
     assert parse_xml('<root a="&lt;&amp;&#65;"/>').root.attributes == {"a": "<&A"}
 
 
-def test_comments_processing_instructions_and_text_are_no_elements():
+def test_comments_processing_instructions_and_text_are_not_elements():
     root = parse_xml("<root><!-- <A/> --><?x y?>text<![CDATA[<B/>]]><C/></root>").root
     assert [child.tag for child in root.children] == ["C"]
 
@@ -72,7 +72,7 @@ def test_windows_and_old_mac_line_ends_count_as_lines():
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be", "latin-1"])
-def test_a_file_is_read_in_the_encoding_it_declares(encoding):
+def test_file_is_read_in_its_encoding(encoding):
     declared = {"latin-1": "ISO-8859-1", "utf-16-be": "UTF-16BE"}.get(encoding)
     head = f'<?xml version="1.0" encoding="{declared}"?>' if declared else ""
     data = (head + '<root name="é"/>').encode(encoding)
@@ -100,26 +100,26 @@ def test_a_file_is_read_in_the_encoding_it_declares(encoding):
         ("<root/>".encode("utf-16-le"), ("wrong-encoding", 1, 2)),
     ],
 )
-def test_what_is_not_a_tree_file_gets_one_finding_where_it_goes_wrong(data, expected):
+def test_invalid_file_has_one_finding_at_error_location(data, expected):
     assert finding_of(data) == expected
 
 
-def test_a_missing_end_tag_is_named_with_the_line_that_opened_it():
+def test_missing_end_tag_is_reported_with_line_of_start_tag():
     with pytest.raises(TreeError, match=r"does not close <A>, which was opened on line 2"):
         parse_xml("<root>\n<A>\n</root>")
 
 
-def test_an_unquoted_value_is_called_what_it_is():
+def test_unquoted_value_is_reported():
     with pytest.raises(TreeError, match="must be in quotes"):
         parse_xml("<root a=1/>")
 
 
-def test_elements_nested_too_deep_are_refused_where_the_limit_is_passed():
+def test_too_deep_nesting_is_reported_at_limit():
     assert finding_of("<a>" * (MAX_DEPTH + 1)) == ("too-deep", 1, 3 * MAX_DEPTH + 1)
     parse_xml("<a>" * MAX_DEPTH + "</a>" * MAX_DEPTH)
 
 
-def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
+def test_file_over_size_limit_is_rejected_without_parsing(tmp_path):
     path = tmp_path / "large.xml"
     with path.open("wb") as stream:
         stream.truncate(TREE.limit + 1)
@@ -127,17 +127,17 @@ def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
         read_tree_file(path)
 
 
-def test_entities_of_a_doctype_are_never_expanded():
+def test_doctype_entities_are_never_expanded():
     bomb = '<!DOCTYPE r [<!ENTITY a "xxxxxxxxxx"><!ENTITY b "&a;&a;&a;&a;">]><r v="&b;"/>'
     assert finding_of(bomb)[0] == "doctype"
 
 
-def test_a_file_that_is_not_there_is_named_with_the_reason(tmp_path):
+def test_missing_file_raises_error_with_reason(tmp_path):
     with pytest.raises(UnreadableFileError, match=r"cannot read .*nowhere\.xml: No such file"):
         read_tree_file(tmp_path / "nowhere.xml")
 
 
-def test_a_folder_is_not_a_tree_file(tmp_path):
+def test_folder_raises_unreadable_file_error(tmp_path):
     with pytest.raises(UnreadableFileError, match="Is a directory"):
         read_tree_file(tmp_path)
 
@@ -149,7 +149,7 @@ VALUES = st.text(
 
 
 @given(st.dictionaries(NAMES, VALUES, max_size=5), st.sampled_from(["", "\n", "  \n\t"]))
-def test_every_span_cuts_exactly_its_part_out_of_the_text(attributes, space):
+def test_every_span_covers_its_part(attributes, space):
     text = (
         f"{space}<root"
         + "".join(f' {space}{name}{space} = "{value}"' for name, value in attributes.items())
@@ -170,7 +170,7 @@ def test_every_span_cuts_exactly_its_part_out_of_the_text(attributes, space):
 
 
 @given(st.binary(max_size=200) | st.text(max_size=200))
-def test_whatever_bytes_come_there_is_a_file_or_a_finding(data):
+def test_arbitrary_bytes_are_parsed_or_rejected(data):
     try:
         parse_xml(data)
     except TreeError as error:
@@ -180,7 +180,7 @@ def test_whatever_bytes_come_there_is_a_file_or_a_finding(data):
     assert rendered
 
 
-def test_comments_are_kept_with_the_elements_that_they_stand_before_behind_and_beside():
+def test_comments_are_kept_with_adjacent_elements():
     text = """<!-- before -->
 <root> <!-- beside root -->
   <A/> <!-- beside A -->
@@ -206,17 +206,17 @@ def test_comments_are_kept_with_the_elements_that_they_stand_before_behind_and_b
     assert second.comments == ()
 
 
-def test_comments_do_not_make_elements_differ():
+def test_comments_do_not_affect_equality():
     assert parse_xml("<root><!-- a --><A/></root>").root == parse_xml("<root><A/></root>").root
 
 
-def test_only_the_ports_of_a_model_have_text():
+def test_only_ports_of_model_have_text():
     port = '<input_port name="x"> Where <![CDATA[to]]> go </input_port>'
     root = parse_xml(f"<root><A>a</A><TreeNodesModel>{port}</TreeNodesModel><B>b</B></root>").root
     assert [element.text for element in root.iterate()] == ["", "", "", "Where to go", ""]
 
 
-# BehaviorTree.CPP 4.8.2, 4.9.0, 4.9.1 and 4.10 refuse, or read, files with one there.
+# BehaviorTree.CPP 4.8.2, 4.9.0, 4.9.1 and 4.10 differ in whether they accept such files.
 @pytest.mark.parametrize(
     ("text", "columns"),
     [
@@ -226,7 +226,7 @@ def test_only_the_ports_of_a_model_have_text():
         ('<?xml version="1.0"?><?note x?><root><BehaviorTree/></root>', []),
     ],
 )
-def test_the_first_processing_instruction_behind_the_start_of_the_root_is_a_warning(text, columns):
+def test_first_processing_instruction_after_root_start_is_warning(text, columns):
     found = parse_xml(text).findings
     assert [(each.code, each.severity, each.span.column) for each in found] == [
         ("processing-instruction", Severity.WARNING, column) for column in columns

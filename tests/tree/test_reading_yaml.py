@@ -1,4 +1,4 @@
-"""What the YAML reader makes of a file: the same elements as in XML, or everything that is wrong."""
+"""Tests of the YAML reader: it returns the same elements as from XML, or reports all findings."""
 
 import pytest
 import yaml
@@ -24,13 +24,13 @@ def _each_parser(request, monkeypatch):
 
 
 def findings_of(text):
-    """Return the findings in a file, each as its code, its place and the text that it points at."""
+    """Return the code, line and column of each finding in a file."""
     with pytest.raises(TreeError) as caught:
         parse_yaml(text, "test.yaml")
     return [(one.code, one.span.line, one.span.column) for one in caught.value.findings]
 
 
-def said_of(text):
+def message_of(text):
     with pytest.raises(TreeError) as caught:
         parse_yaml(text, "test.yaml")
     return str(caught.value)
@@ -41,23 +41,23 @@ def cut(root, span):
     return source.text[source.offset(span.line, span.column) : source.offset(span.end_line, span.end_column)]
 
 
-def test_a_node_is_a_mapping_of_its_tag_with_attributes_and_children():
+def test_node_is_mapping_of_tag_to_attributes_and_children():
     text = "root:\n  BTCPP_format: 4\n  children:\n    - BehaviorTree:\n        ID: Main\n        children:\n          - Success\n"
     in_xml = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Success/></BehaviorTree></root>'
     assert parse_yaml(text).root == parse_xml(in_xml).root
 
 
 @pytest.mark.parametrize("node", ["A", "A:", "A: {}", "{A: }", "'A'", "? A"])
-def test_a_node_with_nothing_in_it_is_its_tag_with_or_without_a_colon(node):
+def test_empty_node_is_tag_with_or_without_colon(node):
     assert parse_yaml(f"root:\n  children:\n    - {node}\n").root == parse_xml("<root><A/></root>").root
 
 
-def test_lists_and_mappings_in_brackets_are_read_too():
+def test_flow_lists_and_mappings_are_read():
     root = parse_yaml("{root: {a: 1, children: [A, {B: {x: 'y z'}}]}}").root
     assert root == parse_xml('<root a="1"><A/><B x="y z"/></root>').root
 
 
-def test_an_empty_list_of_children_is_no_children():
+def test_empty_children_list_is_no_children():
     assert parse_yaml("root: {children: []}").root.children == ()
 
 
@@ -81,7 +81,7 @@ def test_an_empty_list_of_children_is_no_children():
         "<<",
     ],
 )
-def test_a_value_is_the_text_that_is_written_whatever_yaml_would_make_of_it(text):
+def test_plain_values_are_strings(text):
     assert parse_yaml(f"root:\n  a: {text}\n").root.attributes == {"a": text}
 
 
@@ -99,11 +99,11 @@ def test_a_value_is_the_text_that_is_written_whatever_yaml_would_make_of_it(text
         ("one\n    two", "one two"),
     ],
 )
-def test_quotes_and_blocks_say_what_they_say_in_yaml(written, value):
+def test_quotes_and_blocks_follow_yaml_rules(written, value):
     assert parse_yaml(f"root:\n  a: {written}\n").root.attributes == {"a": value}
 
 
-def test_tags_names_and_values_know_their_places():
+def test_tags_names_and_values_have_locations():
     text = "root:\n  first:   plain text  # c\n  'second': \"in quotes\"\n  third: |\n    a := 1\n    b\n  children:\n    - Ä: {ß: é}\n"
     root = parse_yaml(text).root
     assert (root.line, root.column, cut(root, root.tag_span())) == (1, 1, "root")
@@ -114,13 +114,13 @@ def test_tags_names_and_values_know_their_places():
     assert (child.line, child.column, cut(child, child.value_span("ß"))) == (8, 7, "é")
 
 
-def test_places_are_right_whatever_ends_the_lines():
+def test_locations_are_right_with_any_line_end():
     root = parse_yaml("root:\r\n  a: 1\r\n  children:\r\n  - B: {x: 😀y}\r").root
     child = root.children[0]
     assert (child.line, child.column, cut(child, child.value_span("x"))) == (4, 5, "😀y")
 
 
-def test_an_attribute_that_is_not_there_is_placed_at_the_tag():
+def test_missing_attribute_is_located_at_tag():
     root = parse_yaml("root").root
     assert root.name_span("a") == root.value_span("a") == root.value_part_span("a", 0, 1) == root.tag_span()
 
@@ -140,7 +140,7 @@ SURPRISES = {
 
 
 @pytest.mark.parametrize("code", SURPRISES)
-def test_what_only_yaml_has_is_a_finding_with_its_place(code):
+def test_yaml_only_feature_is_reported_at_its_location(code):
     text, line, column, words = SURPRISES[code]
     assert findings_of(text) == [(code, line, column)]
     with pytest.raises(TreeError, match=words):
@@ -173,9 +173,9 @@ def test_what_only_yaml_has_is_a_finding_with_its_place(code):
         ("root:\n  $text: a\n", (2, 3), "only in the ports of a TreeNodesModel"),
     ],
 )
-def test_a_wrong_shape_is_a_finding_that_says_the_right_one(text, place, words):
+def test_wrong_shape_is_reported_with_right_one(text, place, words):
     assert findings_of(text) == [("wrong-shape", *place)]
-    assert words in said_of(text)
+    assert words in message_of(text)
 
 
 @pytest.mark.parametrize(
@@ -195,23 +195,23 @@ def test_a_wrong_shape_is_a_finding_that_says_the_right_one(text, place, words):
         ("root:\n  children:\n  - A\n  B\n  - C\n", (4, 3), "begin a node with '- '"),
     ],
 )
-def test_what_is_not_yaml_is_a_finding_in_the_words_of_the_reader(text, place, words):
+def test_malformed_yaml_is_reported_with_cause(text, place, words):
     assert findings_of(text)[-1] == ("malformed-yaml", *place)
-    assert words in said_of(text)
+    assert words in message_of(text)
 
 
-def test_all_that_is_wrong_is_said_at_once_in_the_order_of_the_file():
+def test_all_findings_are_reported_in_file_order():
     text = "root:\n  name:\n  children:\n    - A: {x: 1, x: 2}\n    - B: {y: {goal}}\n    - [C]\n  z: *a\n"
     codes = [code for code, *_ in findings_of(text)]
     assert codes == ["missing-value", "duplicate-key", "wrong-shape", "wrong-shape", "yaml-anchor"]
 
 
-def test_a_character_that_yaml_cannot_have_is_named():
+def test_forbidden_character_is_named():
     assert findings_of("root: {a: 'x\x07'}") == [("wrong-character", 1, 13)]
-    assert "U+2028" in said_of("root: {a: x\u2028}")
+    assert "U+2028" in message_of("root: {a: x\u2028}")
 
 
-def test_nesting_has_a_limit_that_is_a_finding():
+def test_nesting_depth_is_limited():
     parse_yaml("{root: {children: [" + "{A: {children: [" * (MAX_DEPTH - 1) + "]}}" * (MAX_DEPTH - 1) + "]}}")
     deep = "{root: {children: [" + "{A: {children: [" * MAX_DEPTH + "]}}" * MAX_DEPTH + "]}}"
     assert [code for code, *_ in findings_of(deep)] == ["too-deep"]
@@ -219,11 +219,11 @@ def test_nesting_has_a_limit_that_is_a_finding():
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("opening", ["[", "{a: ", "- ", "? "])
-def test_a_file_of_nothing_but_brackets_ends_at_the_limit(opening):
+def test_deep_nesting_of_brackets_is_rejected(opening):
     assert findings_of(opening * 50_000)[-1][0] == "too-deep"
 
 
-def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
+def test_file_over_size_limit_is_rejected_without_parsing(tmp_path):
     path = tmp_path / "large.yaml"
     with path.open("wb") as stream:
         stream.truncate(TREE.limit + 1)
@@ -231,17 +231,17 @@ def test_a_file_over_the_size_limit_is_refused_without_being_parsed(tmp_path):
         read_tree_file(path)
 
 
-def test_a_file_that_is_not_there_is_named_with_the_reason(tmp_path):
+def test_missing_file_raises_error_with_reason(tmp_path):
     with pytest.raises(UnreadableFileError, match=r"nowhere\.yaml: No such file"):
         read_tree_file(tmp_path / "nowhere.yaml")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
-def test_a_byte_order_mark_tells_the_encoding(encoding):
+def test_byte_order_mark_selects_encoding(encoding):
     assert parse_yaml("root: {name: é}".encode(encoding)).root.attributes == {"name": "é"}
 
 
-def test_the_description_of_a_port_is_its_text():
+def test_port_description_is_its_text():
     text = "root:\n  children:\n  - TreeNodesModel:\n      children:\n      - Action:\n          ID: A\n          children:\n          - input_port: {name: x, $text: Where to go}\n"
     in_xml = '<root><TreeNodesModel><Action ID="A"><input_port name="x">Where to go</input_port></Action></TreeNodesModel></root>'
     assert parse_yaml(text).root == parse_xml(in_xml).root
@@ -269,7 +269,7 @@ root:  # beside the root
 """
 
 
-def test_comments_are_kept_with_what_they_belong_to():
+def test_comments_are_kept_with_adjacent_parts():
     tree_file = parse_yaml(COMMENTED)
     assert [(one.text, one.index) for one in tree_file.comments] == [
         ("Before the root,\nin two lines.", 0),
@@ -294,13 +294,13 @@ def test_comments_are_kept_with_what_they_belong_to():
     ]
 
 
-def test_a_number_sign_in_a_text_begins_no_comment():
+def test_number_sign_within_string_is_not_comment():
     root = parse_yaml("root: {a: x#y, b: 'x # y', c: \"# z\"}").root
     assert (root.attributes, root.comments) == ({"a": "x#y", "b": "x # y", "c": "# z"}, ())
 
 
 @given(tree_files())
-def test_every_span_cuts_its_part_out_of_the_text(tree_file):
+def test_every_span_covers_its_part(tree_file):
     for element in parse_yaml(write_yaml(tree_file)).root.iterate():
         assert cut(element, element.tag_span()) == element.tag
         for name in element.attributes:
@@ -312,26 +312,26 @@ def test_every_span_cuts_its_part_out_of_the_text(tree_file):
     | st.text(max_size=200)
     | st.text(st.sampled_from(list("ab:-?#'\"{}[],|>&*!\n \t")), max_size=60)
 )
-def test_whatever_comes_there_is_a_file_or_a_finding(data):
+def test_arbitrary_input_is_parsed_or_rejected(data):
     try:
         parse_yaml(data)
     except TreeError as error:
         assert error.findings  # noqa: PT017 - either outcome is right
 
 
-def test_a_file_without_its_root_is_told_once_and_read_all_the_same():
+def test_missing_root_is_reported_once_and_file_is_read():
     text = "BTCPP_format: 4\nmain_tree_to_execute: A\nchildren:\n- BehaviorTree: {ID: A, children: [B]}\n"
     assert findings_of(text) == [("wrong-root", 1, 1)]
-    assert "write 'root:' above, and indent the following lines" in said_of(text)
+    assert "write 'root:' above, and indent the following lines" in message_of(text)
     assert [each.tag for each in beginning_of(text).tree_file.root.iterate()] == ["root", "BehaviorTree", "B"]
 
 
-def test_an_alias_is_told_once_wherever_it_stands():
+def test_each_alias_is_reported_once():
     text = "root:\n  children:\n  - A: *a\n  - *b\n  - B: {x: *c}\n"
     assert [code for code, *_ in findings_of(text)] == ["yaml-anchor"] * 3
 
 
-def test_a_value_with_a_tag_says_nothing():
+def test_tagged_value_is_omitted():
     assert beginning_of("root:\n  a: !x y\n  b: 1\n").tree_file.root.attributes == {"b": "1"}
 
 
@@ -350,7 +350,7 @@ def beginning_of(text):
 
 
 @pytest.mark.parametrize("name", CUT_SHORT)
-def test_what_stands_before_the_place_of_a_syntax_error_is_read(name):
+def test_content_before_syntax_error_is_read(name):
     beginning = beginning_of(CUT_SHORT[name])
     root = beginning.tree_file.root
     assert (root.attributes, root.children[0].attributes) == ({"a": "1"}, {"c": "2"})
@@ -360,12 +360,12 @@ def test_what_stands_before_the_place_of_a_syntax_error_is_read(name):
 
 
 @pytest.mark.parametrize("text", ["? {a: b\n", "? [a, {b: c\n", "? ? {a: [b\n"])
-def test_a_file_that_goes_wrong_within_a_key_is_read_to_there(text):
+def test_file_malformed_within_key_is_reported(text):
     assert [code for code, *_ in findings_of(f"root:\n  {text}")] == ["malformed-yaml"]
 
 
 @given(st.text(st.sampled_from(list("ab:-#&*!|>'\"{}[], \n  ")), max_size=60))
-def test_whatever_is_written_below_a_root_is_read_or_refused_with_findings(text):
+def test_arbitrary_content_of_root_is_parsed_or_rejected(text):
     try:
         said = parse_yaml(f"root:\n  {text}").root.tag
     except TreeError as error:
@@ -384,7 +384,7 @@ def test_whatever_is_written_below_a_root_is_read_or_refused_with_findings(text)
         ("zone#3", None),
     ],
 )
-def test_a_text_that_a_comment_seems_to_cut_is_told(value, column):
+def test_string_cut_by_comment_is_reported(value, column):
     findings = parse_yaml(f"root:\n  a: {value}\n").findings
     assert [(each.code, each.span.line, each.span.column) for each in findings] == (
         [("cut-text", 2, column)] if column else []

@@ -1,4 +1,4 @@
-"""Files that BehaviorTree.CPP's reader takes although they are not XML, and beginnings of files that nobody's does."""
+"""Tests of recovery: malformed XML that BehaviorTree.CPP accepts, and beginnings of other malformed files."""
 
 import pytest
 from hypothesis import given
@@ -18,7 +18,7 @@ def cut(source, span):
     return source.text[source.offset(span.line, span.column) : source.offset(span.end_line, span.end_column)]
 
 
-# Each: what stands in a value; what it says; what is told, as what is there and what to write there.
+# Each entry: the raw value, the parsed value, and the findings as (raw text, suggestion).
 RAW = {
     "an and": ("a && b", "a && b", [("&&", "&amp;&amp;")]),
     "a less-than": ("a < b", "a < b", [("<", "&lt;")]),
@@ -43,7 +43,7 @@ RAW = {
 
 
 @pytest.mark.parametrize("name", RAW)
-def test_characters_that_stand_for_themselves_are_recovered_and_told_at_their_place(name):
+def test_raw_characters_are_recovered_and_reported_at_their_location(name):
     written, said, told = RAW[name]
     tree_file = parse_xml(f'<root>\n  <A é="1" b="{written}" c="2"/>\n  <B d=\'3\'/>\n</root>')
     first, second = tree_file.root.children
@@ -55,7 +55,7 @@ def test_characters_that_stand_for_themselves_are_recovered_and_told_at_their_pl
     assert [(cut(tree_file.source, each.span), each.suggestion) for each in tree_file.findings] == told
 
 
-def test_a_declaration_behind_empty_lines_is_told_and_the_places_behind_it_stay():
+def test_late_declaration_is_reported_and_later_locations_are_unchanged():
     tree_file = parse_xml('\n\n <?xml version="1.0"\nencoding="UTF-8"?>\n<root b="&&">\n  <A/>\n</root>')
     assert [(each.code, each.span.line, each.span.column) for each in tree_file.findings] == [
         ("loose-xml", 3, 2),
@@ -65,7 +65,7 @@ def test_a_declaration_behind_empty_lines_is_told_and_the_places_behind_it_stay(
     assert (child.line, child.column) == (6, 3)
 
 
-def test_a_place_in_a_recovered_value_is_that_of_the_text():
+def test_location_in_recovered_value_is_that_of_raw_text():
     element = parse_xml('<root a="x && y; &lt; z"/>').root
     value = element.attributes["a"]
     assert cut(element.source, element.value_part_span("a", value.index("z"), len(value))) == "z"
@@ -83,7 +83,7 @@ def test_a_place_in_a_recovered_value_is_that_of_the_text():
         ("", "<root>\n<a>b & c<![CDATA[d]]><e/></a></root>\n<f/>", ["<root>", "<f/>"]),
     ],
 )
-def test_what_is_not_in_the_root_is_passed_over_and_told(before, behind, told):
+def test_content_outside_root_is_ignored_and_reported(before, behind, told):
     tree_file = parse_xml(f'{before}\n<root a="x &amp; y"><b/>\n<c/></root>\n{behind}')
     assert [(child.tag, child.line) for child in tree_file.root.children] == [
         ("b", 2 + before.count("\n")),
@@ -95,13 +95,13 @@ def test_what_is_not_in_the_root_is_passed_over_and_told(before, behind, told):
 
 
 @pytest.mark.parametrize("behind", ["text", "<other>", "</root>", "<a/> text", "<![CDATA[a", "<a></b>"])
-def test_what_no_reader_takes_behind_the_root_is_malformed(behind):
+def test_unreadable_content_after_root_is_malformed(behind):
     with pytest.raises(TreeError) as caught:
         parse_xml(f"<root><b/></root>\n{behind}")
     assert caught.value.findings[-1].code == "malformed-xml"
 
 
-def test_text_before_the_root_is_told_line_by_line_and_the_places_behind_it_stay():
+def test_text_before_root_is_reported_by_line_and_later_locations_are_unchanged():
     tree_file = parse_xml("// a & b\n<!-- c -- d -->\n  // e >\n<root>\n  <A/>\n</root>")
     stray, dashes, other = tree_file.findings
     assert [each.code for each in tree_file.findings] == ["stray-text", "loose-xml", "stray-text"]
@@ -111,7 +111,7 @@ def test_text_before_the_root_is_told_line_by_line_and_the_places_behind_it_stay
     assert (child.line, child.column) == (5, 3)
 
 
-def test_text_behind_the_root_is_beyond_recovery():
+def test_text_after_root_cannot_be_recovered():
     with pytest.raises(TreeError) as caught:
         parse_xml("<root></root>\n// end\n")
     (finding,) = caught.value.findings
@@ -119,25 +119,25 @@ def test_text_behind_the_root_is_beyond_recovery():
     assert finding.message.endswith("text is not allowed after </root>")
 
 
-def test_a_comment_with_two_dashes_is_recovered():
+def test_comment_with_double_hyphens_is_recovered():
     tree_file = parse_xml("<root><!-- a -- b ---><A/></root>")
     assert [comment.text for comment in tree_file.root.comments] == ["a -- b -"]
     assert [(each.span.column, each.suggestion) for each in tree_file.findings] == [(14, "- -"), (19, "- ")]
 
 
-def test_a_comment_in_a_comment_is_told_where_it_begins():
+def test_nested_comment_is_reported_at_its_beginning():
     tree_file = parse_xml("<root><!-- a <A/>\n<!-- b --></root>")
     (finding,) = tree_file.findings
     assert (finding.message, finding.span.line) == ("a comment begins inside another comment", 2)
     assert tree_file.root.children == ()
 
 
-def test_a_text_of_a_model_is_recovered():
+def test_text_in_node_model_is_recovered():
     text = '<root><TreeNodesModel><A ID="B"><input_port name="x">this & that</input_port></A></TreeNodesModel></root>'
     assert [each.text for each in parse_xml(text).root.iterate()][-1] == "this & that"
 
 
-def test_a_recovered_file_is_written_as_xml():
+def test_recovered_file_is_written_as_valid_xml():
     text = '<root a="x &&&lt; y" b="a <\n  b &amp;&amp; c &quot;"/>'
     written = convert(parse_xml(text), Form.XML).text
     assert parse_xml(written).findings == ()
@@ -146,7 +146,7 @@ def test_a_recovered_file_is_written_as_xml():
 
 
 @given(tree_files())
-def test_there_is_nothing_to_recover_in_what_is_well_formed(tree_file):
+def test_well_formed_file_needs_no_recovery(tree_file):
     read = parse_xml(write_xml(tree_file))
     assert read.findings == ()
     assert recover(read.source) is None
@@ -156,7 +156,7 @@ STRICT = {"&": "&amp;", "<": "&lt;", "&&": "&amp;&amp;"}
 
 
 @given(st.lists(st.sampled_from([*STRICT, "&amp;", "&lt;", "&#65;", "a", "b;", "é", "\n", '"']), max_size=8))
-def test_a_value_with_raw_characters_says_what_it_says_with_escaped_ones(parts):
+def test_raw_and_escaped_characters_have_same_value(parts):
     loose, strict = " ".join(parts), " ".join(STRICT.get(each, each) for each in parts)
     head, tail = "<root><A/>\n<B a='", "' b='1'/><C/></root>"
     read, meant = parse_xml(head + loose + tail), parse_xml(head + strict + tail)
@@ -178,7 +178,7 @@ def test_a_value_with_raw_characters_says_what_it_says_with_escaped_ones(parts):
     ],
     ids=["one value", "many stretches", "many elements", "half references", "a comment"],
 )
-def test_a_large_file_full_of_raw_characters_takes_work_in_proportion(text):
+def test_recovery_of_large_file_has_bounded_work(text):
     with at_most(calls=400_000):
         tree_file = parse_xml(text)
     assert 0 < len(tree_file.findings) <= 1000
@@ -197,20 +197,20 @@ def test_a_large_file_full_of_raw_characters_takes_work_in_proportion(text):
         "<A b='" + "&" * 1_000_000 + "' c/>",
     ],
 )
-def test_a_large_file_that_cannot_be_recovered_takes_work_in_proportion(end):
+def test_unrecoverable_large_file_has_bounded_work(end):
     with at_most(calls=400_000), pytest.raises(TreeError) as caught:
         parse_xml('<root><A b="' + "&" * 1_000_000 + '"/>' + end)
     assert [each.code for each in caught.value.findings][-1] == "malformed-xml"
 
 
-def test_entities_are_not_expanded_in_a_file_that_is_recovered():
+def test_entities_are_not_expanded_during_recovery():
     bomb = '<!DOCTYPE r [<!ENTITY a "xxxxxxxxxx">]><r v="&a;&&"/>'
     with pytest.raises(TreeError) as caught:
         parse_xml(bomb)
     assert [each.code for each in caught.value.findings] == ["doctype"]
 
 
-# Each: what follows <A b="1"/> and a line break; then column, message and advice.
+# Each entry: the text after <A b="1"/> and a line break, then column, message and advice.
 WORDS = {
     "an attribute without a value": ("<B c/>", 4, "the attribute 'c' has no value", 'write c="..."'),
     "one before others": ("<B c d='1'/>", 4, "the attribute 'c' has no value", 'write c="..."'),
@@ -277,7 +277,7 @@ WORDS = {
 
 
 @pytest.mark.parametrize("name", WORDS)
-def test_what_is_not_well_formed_is_said_in_the_reader_s_words(name):
+def test_malformed_xml_is_reported_with_cause_and_advice(name):
     written, column, message, advice = WORDS[name]
     with pytest.raises(UnfinishedFileError) as caught:
         parse_xml(f'<root>\n<A b="1"/>\n{written}\n</root>')
@@ -291,7 +291,7 @@ def test_what_is_not_well_formed_is_said_in_the_reader_s_words(name):
     assert beginning.unfinished == (OpenTag(1, 1, "root"),)
 
 
-def test_a_raw_character_before_the_place_of_another_mistake_is_told_as_well():
+def test_raw_characters_are_reported_before_and_after_other_error():
     with pytest.raises(TreeError) as caught:
         parse_xml('<root>\n<A b="&&"/>\n<B c="<" d="&" e/>\n</root>')
     assert [(each.code, each.span.line, each.span.column) for each in caught.value.findings] == [
@@ -302,7 +302,7 @@ def test_a_raw_character_before_the_place_of_another_mistake_is_told_as_well():
 
 
 @given(st.text(st.sampled_from(list("<>&;/=\"' -!abr\n#[]")), max_size=60))
-def test_whatever_is_written_is_read_or_refused_with_findings_in_the_text(text):
+def test_arbitrary_content_is_parsed_or_rejected(text):
     try:
         findings = parse_xml(f"<root>{text}</root>").findings
     except TreeError as error:

@@ -1,4 +1,4 @@
-"""Elements that stand in no file."""
+"""Tests of elements that are in no file."""
 
 from sar_compiler.tree.diagnostic import Form, Span
 from sar_compiler.tree.model import synthetic_element, synthetic_file
@@ -8,7 +8,7 @@ from sar_compiler.tree.xml_writer import write_xml
 ELEMENT = synthetic_element("root", {"name": "x"}, [synthetic_element("input_port", text="What.")])
 
 
-def test_one_that_is_made_says_what_one_that_is_read_says():
+def test_constructed_element_equals_parsed_element():
     assert (
         parse_xml(
             write_xml(synthetic_file(synthetic_element("root", {"a": "b"}, [synthetic_element("c")])))
@@ -17,7 +17,7 @@ def test_one_that_is_made_says_what_one_that_is_read_says():
     )
 
 
-def test_no_part_of_it_has_a_place():
+def test_constructed_element_has_no_location():
     nowhere = Span(1, 1, 1, 1)
     assert ELEMENT.line == 0
     assert ELEMENT.source.form is Form.XML

@@ -1,4 +1,4 @@
-"""Writing tree files: what is read back is what was written."""
+"""Tests of writing tree files: reading a written file returns the same tree."""
 
 import dataclasses
 
@@ -18,7 +18,7 @@ FORMS = {"xml": (write_xml, parse_xml), "yaml": (write_yaml, parse_yaml)}
 
 @pytest.mark.parametrize("form", FORMS)
 @given(tree_file=tree_files())
-def test_what_is_written_is_read_back_with_its_order_and_its_comments(form, tree_file):
+def test_order_and_comments_survive_round_trip(form, tree_file):
     write, parse = FORMS[form]
     text = write(tree_file)
     again = parse(text)
@@ -27,7 +27,7 @@ def test_what_is_written_is_read_back_with_its_order_and_its_comments(form, tree
 
 
 @given(tree_files())
-def test_a_tree_comes_back_from_the_other_form_as_it_was(tree_file):
+def test_tree_survives_round_trip_through_other_form(tree_file):
     in_xml = write_xml(tree_file)
     in_yaml = write_yaml(parse_xml(in_xml))
     assert everything(parse_yaml(in_yaml)) == everything(tree_file)
@@ -35,7 +35,7 @@ def test_a_tree_comes_back_from_the_other_form_as_it_was(tree_file):
 
 
 @given(VALUES)
-def test_other_readers_of_yaml_get_the_same_text_or_a_number_or_bool_that_prints_like_it(text):
+def test_other_yaml_readers_read_equivalent_scalar(text):
     read = yaml.safe_load(f"a: {scalar(text)}")["a"]
     printed = str(read).lower() if isinstance(read, bool) else str(read)
     assert printed == text
@@ -62,7 +62,7 @@ def test_other_readers_of_yaml_get_the_same_text_or_a_number_or_bool_that_prints
         ("a\tb", '"a\\tb"'),
     ],
 )
-def test_a_text_stands_in_quotes_only_where_a_reader_would_take_it_for_something_else(text, written):
+def test_string_is_quoted_only_if_necessary(text, written):
     assert scalar(text) == written
 
 
@@ -129,29 +129,29 @@ root:  # beside
 """
 
 
-def test_the_canonical_forms_are_each_others_counterparts_to_the_letter():
+def test_canonical_forms_convert_into_each_other_exactly():
     assert write_yaml(parse_xml(FORMATTED_XML)) == write_yaml(parse_yaml(FORMATTED_YAML)) == FORMATTED_YAML
     assert write_xml(parse_yaml(FORMATTED_YAML)) == write_xml(parse_xml(FORMATTED_XML)) == FORMATTED_XML
 
 
-def test_one_blank_line_is_left_of_many_and_none_at_the_begin_of_an_element():
+def test_blank_lines_are_collapsed_and_removed_at_element_edges():
     text = "<root>\n\n\n<A/>\n\n\n\n<B/>\n\n</root>"
     assert write_xml(parse_xml(text)).split("\n", 1)[1] == "<root>\n  <A/>\n\n  <B/>\n</root>\n"
 
 
-def test_comments_beside_attributes_stay_there_in_yaml():
+def test_comments_beside_attributes_stay_in_yaml():
     text = "root:\n  a: 1  # one\n  # above\n  b: 2\n"
     assert write_yaml(parse_yaml(text)) == text
 
 
-def test_one_tag_a_line_lets_lines_be_counted():
+def test_xml_with_one_tag_per_line_has_countable_lines():
     root = parse_yaml("root: {children: [{A: {x: '1\n\n2', children: [B, C]}}, D]}").root
     lines = xml_with_tag_per_line(root).split("\n")
     assert [line.split(">")[0].split(" ")[0] for line in lines] == ["<root", "<A", "<B", "<C", "<D"]
     assert parse_xml("\n".join(lines)).root == root
 
 
-def test_line_breaks_within_values_stay_where_they_are_in_xml():
+def test_line_breaks_within_xml_values_are_kept():
     text = "<root>\n    <A code='a &amp;&amp; b;\n              c \"d\"'/>\n</root>"
     tree_file = parse_xml(text)
     written = write_xml(tree_file)
@@ -161,7 +161,7 @@ def test_line_breaks_within_values_stay_where_they_are_in_xml():
     assert 'code: a && b;               c "d"\n' in write_yaml(tree_file)
 
 
-def test_a_value_given_to_an_element_later_is_written_not_the_one_that_was_read():
+def test_changed_value_is_written_instead_of_original():
     root = parse_xml('<root a="1\n2"/>').root
     changed = TreeFile(root.source, dataclasses.replace(root, attributes={"a": "3 4"}))
     assert '<root a="3 4"/>' in write_xml(changed)
