@@ -1,4 +1,4 @@
-"""What the compiler makes of a tree: stock py_trees objects and the leaves, wired together."""
+"""Tests of the compiler: it builds stock py_trees objects and leaves, and connects them."""
 
 import py_trees
 import pytest
@@ -26,14 +26,14 @@ def registry() -> Registry:
     return registry
 
 
-def compiled(body, registry, context=None, parameters=None):
+def compile_body(body, registry, context=None, parameters=None):
     context = {Radio: Radio("1")} if context is None else context
     return compile_tree(bind_main(forest(body), registry), context, parameters or {})
 
 
-def findings(body, registry, **arguments):
+def findings_of(body, registry, **arguments):
     with pytest.raises(TreeError) as caught:
-        compiled(body, registry, **arguments)
+        compile_body(body, registry, **arguments)
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in caught.value.findings]
 
 
@@ -49,26 +49,26 @@ def findings(body, registry, **arguments):
         ("ReactiveFallback", py_trees.composites.Selector, False),
     ],
 )
-def test_a_control_becomes_a_stock_composite_with_its_memory_flag(tag, cls, memory, registry):
-    root = compiled(f"<{tag}><Success/><Failure/></{tag.split()[0]}>", registry).root
+def test_control_is_compiled_to_stock_composite_with_memory_flag(tag, cls, memory, registry):
+    root = compile_body(f"<{tag}><Success/><Failure/></{tag.split()[0]}>", registry).root
     assert type(root) is cls
     assert root.memory is memory
     assert [child.name for child in root.children] == ["Success", "Failure"]
 
 
-def test_a_node_is_named_by_its_attribute_or_its_tag(registry):
-    root = compiled('<Sequence name="All of it"><Success/></Sequence>', registry).root
+def test_node_is_named_by_its_attribute_or_tag(registry):
+    root = compile_body('<Sequence name="All of it"><Success/></Sequence>', registry).root
     assert [node.name for node in root.iterate()] == ["Success", "All of it"]
 
 
-def test_the_oneshot_element_becomes_the_stock_decorator(registry):
-    root = compiled('<OneShot policy="ON_SUCCESSFUL_COMPLETION"><Success/></OneShot>', registry).root
+def test_oneshot_element_is_compiled_to_stock_decorator(registry):
+    root = compile_body('<OneShot policy="ON_SUCCESSFUL_COMPLETION"><Success/></OneShot>', registry).root
     assert type(root) is py_trees.decorators.OneShot
     assert root.policy is OneShotPolicy.ON_SUCCESSFUL_COMPLETION
 
 
-def test_the_oneshot_attribute_wraps_a_node_under_its_name(registry, monkeypatch):
-    root = compiled('<Failure name="Once" oneshot="ON_COMPLETION"/>', registry).root
+def test_oneshot_attribute_wraps_node_with_derived_name(registry, monkeypatch):
+    root = compile_body('<Failure name="Once" oneshot="ON_COMPLETION"/>', registry).root
     assert type(root) is py_trees.decorators.OneShot
     assert (root.name, root.decorated.name) == ("OnceOneShot", "Once")
     assert root.policy is OneShotPolicy.ON_COMPLETION
@@ -88,42 +88,42 @@ def test_the_oneshot_attribute_wraps_a_node_under_its_name(registry, monkeypatch
         ("FailureIsSuccess", py_trees.decorators.FailureIsSuccess, ("name", "FailureIsSuccess")),
     ],
 )
-def test_a_decorator_becomes_the_stock_class_with_its_arguments(tag, cls, attribute, registry):
-    root = compiled(f"<{tag}><Success/></{tag.split()[0]}>", registry).root
+def test_decorator_is_compiled_to_stock_class_with_arguments(tag, cls, attribute, registry):
+    root = compile_body(f"<{tag}><Success/></{tag.split()[0]}>", registry).root
     assert type(root) is cls
     assert getattr(root, attribute[0]) == attribute[1]
     assert root.decorated.name == "Success"
 
 
-def test_a_leaf_gets_its_values_and_what_the_mission_hands_over(registry):
+def test_leaf_receives_attribute_values_and_mission_context(registry):
     radio = Radio("7")
-    leaf = compiled('<Say message="hi" times="3"/>', registry, {Radio: radio}).root
+    leaf = compile_body('<Say message="hi" times="3"/>', registry, {Radio: radio}).root
     assert leaf.given == {"message": "hi", "radio": radio, "times": 3, "after": None, "spare": radio}
 
 
-def test_a_reference_becomes_the_node_itself_wherever_it_stands_in_the_file(registry):
-    root = compiled('<Sequence><Listen to="B"/><Say name="B" message="hi"/></Sequence>', registry).root
+def test_node_reference_is_resolved_before_its_definition(registry):
+    root = compile_body('<Sequence><Listen to="B"/><Say name="B" message="hi"/></Sequence>', registry).root
     listen, say = root.children
     assert listen.to is say
 
 
-def test_a_reference_to_a_node_in_a_oneshot_is_the_node_and_not_the_wrapper(registry):
-    root = compiled(
+def test_reference_to_oneshot_node_is_decorated_node(registry):
+    root = compile_body(
         '<Sequence><Say message="hi" oneshot="ON_COMPLETION"/><Listen/></Sequence>', registry
     ).root
     once, listen = root.children
     assert once.decorated is listen.to
 
 
-def test_nodes_that_refer_to_each_other_are_a_finding(registry):
+def test_circular_references_are_reported(registry):
     body = '<Sequence>\n<Say message="hi" after="Listen"/>\n<Listen/></Sequence>'
-    assert [(code, line) for code, line, *_ in findings(body, registry)] == [
+    assert [(code, line) for code, line, *_ in findings_of(body, registry)] == [
         ("circular-reference", 4),
         ("circular-reference", 5),
     ]
 
 
-def test_a_node_that_refers_to_what_it_stands_in_is_a_finding():
+def test_reference_to_parent_is_reported():
     class Inside(Behaviour):
         def __init__(self, name: str, around: py_trees.composites.Sequence) -> None:
             super().__init__(name)
@@ -133,33 +133,33 @@ def test_a_node_that_refers_to_what_it_stands_in_is_a_finding():
 
     inner = Registry([*default_registry().specs(), NodeSpec("Inside", Inside, Kind.ACTION)])
     with pytest.raises(TreeError, match="circular-reference"):
-        compiled("<Sequence><Inside/></Sequence>", inner)
+        compile_body("<Sequence><Inside/></Sequence>", inner)
 
 
-def test_a_key_of_the_root_blackboard_is_a_parameter_of_the_mission(registry):
+def test_root_blackboard_key_reads_mission_parameter(registry):
     body = '<Timeout duration="{@patience}"><Running/></Timeout>'
     for patience in (3, 3.0, "3"):
-        root = compiled(body, registry, {Clock: ManualClock()}, {"patience": patience}).root
+        root = compile_body(body, registry, {Clock: ManualClock()}, {"patience": patience}).root
         assert root.duration == 3.0
 
 
-def test_a_key_that_the_mission_does_not_have_is_a_finding_with_the_nearest_one(registry):
+def test_unknown_parameter_is_reported_with_nearest_name(registry):
     body = '<Timeout duration="{@patiense}"><Running/></Timeout>'
-    found = findings(body, registry, context={Clock: ManualClock()}, parameters={"patience": 3})
+    found = findings_of(body, registry, context={Clock: ManualClock()}, parameters={"patience": 3})
     assert found == [("unknown-key", 3, 20, "{@patience}")]
 
 
-def test_a_parameter_of_the_wrong_type_is_a_finding_at_the_key(registry):
+def test_parameter_of_wrong_type_is_reported_at_key(registry):
     body = '<Timeout duration="{patience}"><Running/></Timeout>'
-    found = findings(body, registry, context={Clock: ManualClock()}, parameters={"patience": "long"})
+    found = findings_of(body, registry, context={Clock: ManualClock()}, parameters={"patience": "long"})
     assert found == [("wrong-value", 3, 20, None)]
 
 
-def test_what_a_mission_lacks_is_a_finding_at_the_leaf_that_needs_it(registry):
-    assert findings('<Say message="hi"/>', registry, context={}) == [("missing-context", 3, 1, None)]
+def test_missing_context_is_reported_at_leaf(registry):
+    assert findings_of('<Say message="hi"/>', registry, context={}) == [("missing-context", 3, 1, None)]
 
 
-def test_a_constructor_that_refuses_its_arguments_is_a_finding_with_its_words(registry):
+def test_exception_in_constructor_is_reported_with_message(registry):
     class Picky(Behaviour):
         def __init__(self, name: str, speed: float) -> None:
             message = "too fast"
@@ -170,10 +170,10 @@ def test_a_constructor_that_refuses_its_arguments_is_a_finding_with_its_words(re
 
     picky = Registry([NodeSpec("Picky", Picky, Kind.ACTION)])
     with pytest.raises(TreeError, match=r"3:1: error\[constructor-failed\]: .*ValueError: too fast"):
-        compiled('<Picky speed="99"/>', picky)
+        compile_body('<Picky speed="99"/>', picky)
 
 
-def test_a_constructor_that_forgets_that_of_its_base_is_a_finding(registry):
+def test_constructor_without_super_call_is_reported(registry):
     class Hollow(Behaviour):
         def __init__(self, name: str) -> None:
             del name
@@ -183,15 +183,15 @@ def test_a_constructor_that_forgets_that_of_its_base_is_a_finding(registry):
 
     hollow = Registry([NodeSpec("Hollow", Hollow, Kind.ACTION)])
     with pytest.raises(TreeError, match=r"constructor-failed.*did not call super\(\)\.__init__\(name\)"):
-        compiled("<Hollow/>", hollow)
+        compile_body("<Hollow/>", hollow)
 
 
-def test_a_tree_with_findings_is_not_compiled(registry):
+def test_tree_with_findings_is_not_bound(registry):
     with pytest.raises(TreeError, match="unknown-node"):
         bind_main(forest("<Sequense/>"), registry)
 
 
-def test_the_tree_asked_for_is_compiled_instead_of_the_main_tree(registry):
+def test_requested_tree_replaces_main_tree(registry):
     text = (
         '<root main_tree_to_execute="A"><BehaviorTree ID="A"><Success/></BehaviorTree>'
         '<BehaviorTree ID="B"><Failure/></BehaviorTree></root>'
@@ -201,21 +201,21 @@ def test_the_tree_asked_for_is_compiled_instead_of_the_main_tree(registry):
         bind_main(forest_of(text), registry, "C")
 
 
-def test_a_tree_says_what_it_uses_with_the_names_filled_in(registry):
-    tree = compiled(
+def test_tree_lists_its_uses_with_names_filled_in(registry):
+    tree = compile_body(
         '<Sequence><Say message="a" oneshot="ON_COMPLETION"/><Say message="b" service="shout"/><Say message="c"/></Sequence>',
         registry,
     )
     assert tree.uses() == [Use("service", "speak"), Use("service", "shout")]
 
 
-def test_every_behaviour_knows_the_element_it_was_made_from(registry):
-    tree = compiled('<Sequence>\n<Success oneshot="ON_COMPLETION"/>\n</Sequence>', registry)
+def test_every_behaviour_has_its_element(registry):
+    tree = compile_body('<Sequence>\n<Success oneshot="ON_COMPLETION"/>\n</Sequence>', registry)
     lines = {node.name: tree.origins[node.id].bound.element.line for node in tree.root.iterate()}
     assert lines == {"Sequence": 3, "SuccessOneShot": 4, "Success": 4}
 
 
-def test_a_preview_needs_no_mission(registry):
+def test_preview_needs_no_mission(registry):
     tree = preview_tree(
         bind_main(forest('<Timeout duration="{@t}"><Say message="{@m}"/></Timeout>'), registry)
     )
@@ -224,12 +224,12 @@ def test_a_preview_needs_no_mission(registry):
     radio = leaf.given["radio"]
     assert isinstance(radio, Radio)
     assert radio.channel == "preview"
-    assert leaf.given["spare"] is None  # what a leaf can do without
+    assert leaf.given["spare"] is None  # an optional context object
     assert tree.origins[leaf.id].attributes["message"] == "{@m}"
     assert tree.origins[tree.root.id].attributes["duration"] == "{@t}"
 
 
-def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
+def test_shipped_tree_compiles_to_stock_classes_and_nine_leaves():
     tree = preview_tree(
         bind_main(Forest.from_file(read_tree_file("trees/search_and_rescue.xml")), default_registry())
     )
@@ -243,7 +243,7 @@ def test_the_shipped_tree_compiles_to_stock_classes_and_the_nine_leaves():
     assert len([name for name in classes if name.startswith("search_and_rescue.")]) == 9
 
 
-def test_all_leaves_of_a_tree_hold_the_same_zone_manager():
+def test_all_leaves_of_tree_share_one_zone_manager():
     zones = ZoneManager([{"id": "a", "x": 0.0, "y": 0.0, "yaw": 0.0}], {"x": 0.0, "y": 0.0, "yaw": 0.0})
     binding = bind_main(Forest.from_file(read_tree_file("trees/search_and_rescue.xml")), default_registry())
     record = MissionRecord()

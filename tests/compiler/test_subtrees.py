@@ -1,4 +1,4 @@
-"""Which entry of the blackboard a key means, in trees within trees."""
+"""Tests of blackboard keys in subtrees: which entry a key refers to."""
 
 import gc
 import math
@@ -30,7 +30,7 @@ class Fixed(Behaviour):
 REGISTRY = Registry([*default_registry().specs(), NodeSpec("Fixed", Fixed, Kind.ACTION)])
 
 
-def compiled(main, parameters=None, **trees):
+def compile_trees(main, parameters=None, **trees):
     others = "".join(f'<BehaviorTree ID="{name}">{body}</BehaviorTree>\n' for name, body in trees.items())
     text = (
         f'<root main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{main}</BehaviorTree>\n{others}</root>'
@@ -38,61 +38,65 @@ def compiled(main, parameters=None, **trees):
     return compile_tree(bind_main(forest_of(text), REGISTRY), {}, parameters or {})
 
 
-def after(main, parameters=None, **trees):
+def keys_after_tick(main, parameters=None, **trees):
     """Return the keys of the main tree and their values after one tick."""
-    tree = compiled(main, parameters, **trees)
+    tree = compile_trees(main, parameters, **trees)
     tree.root.tick_once()
-    return own(tree)
+    return main_tree_keys(tree)
 
 
-def own(tree):
+def main_tree_keys(tree):
     prefix = f"{tree.board.prefix}/"
     names = [name.removeprefix(prefix) for name in tree.board.names()]
     return {name: tree.board.get(prefix + name) for name in names if "/" not in name}
 
 
-def test_a_key_of_a_subtree_is_its_own():
-    assert after('<SubTree ID="B"/>', B='<Script code="x := 1"/>') == {}
+def test_subtree_key_is_local():
+    assert keys_after_tick('<SubTree ID="B"/>', B='<Script code="x := 1"/>') == {}
 
 
-def test_a_key_that_is_passed_on_is_the_one_around():
-    assert after('<SubTree ID="B" x="{y}"/>', B='<Script code="x := 1"/>') == {"y": 1}
+def test_remapped_key_is_that_of_calling_tree():
+    assert keys_after_tick('<SubTree ID="B" x="{y}"/>', B='<Script code="x := 1"/>') == {"y": 1}
 
 
-def test_a_key_may_be_passed_on_under_its_own_name():
-    assert after('<SubTree ID="B" x="{=}"/>', B='<Script code="x := 1"/>') == {"x": 1}
+def test_key_can_be_remapped_to_its_own_name():
+    assert keys_after_tick('<SubTree ID="B" x="{=}"/>', B='<Script code="x := 1"/>') == {"x": 1}
 
 
-def test_a_key_is_passed_on_through_every_tree_between():
+def test_key_is_remapped_through_intermediate_trees():
     inner = {"B": '<SubTree ID="C" z="{x}"/>', "C": '<Script code="z := 1"/>'}
-    assert after('<SubTree ID="B" x="{y}"/>', **inner) == {"y": 1}
+    assert keys_after_tick('<SubTree ID="B" x="{y}"/>', **inner) == {"y": 1}
 
 
-def test_what_one_tree_between_keeps_ends_there():
+def test_local_key_of_intermediate_tree_stays_local():
     inner = {"B": '<SubTree ID="C" z="{kept}"/>', "C": '<Script code="z := 1"/>'}
-    assert after('<SubTree ID="B" x="{y}"/>', **inner) == {}
+    assert keys_after_tick('<SubTree ID="B" x="{y}"/>', **inner) == {}
 
 
-def test_autoremap_passes_every_key_on_but_private_ones():
-    assert after('<SubTree ID="B" _autoremap="true"/>', B='<Script code="x := 1; _y := 2"/>') == {"x": 1}
+def test_autoremap_remaps_all_but_private_keys():
+    assert keys_after_tick('<SubTree ID="B" _autoremap="true"/>', B='<Script code="x := 1; _y := 2"/>') == {
+        "x": 1
+    }
 
 
-def test_a_key_that_is_passed_on_by_name_wins_over_autoremap():
-    assert after('<SubTree ID="B" x="{z}" _autoremap="true"/>', B='<Script code="x := 1; y := 2"/>') == {
+def test_explicit_remapping_overrides_autoremap():
+    assert keys_after_tick(
+        '<SubTree ID="B" x="{z}" _autoremap="true"/>', B='<Script code="x := 1; y := 2"/>'
+    ) == {
         "z": 1,
         "y": 2,
     }
 
 
-def test_a_constant_is_the_subtrees_own_whatever_autoremap_says():
-    assert after(
+def test_constant_is_local_to_subtree_despite_autoremap():
+    assert keys_after_tick(
         '<Sequence><Script code="x := 5"/><SubTree ID="B" x="7" _autoremap="true"/></Sequence>',
         B='<Script code="seen := x; x := 8"/>',
     ) == {"x": 5, "seen": 7}
 
 
-def test_names_with_strokes_do_not_bring_two_subtrees_together():
-    tree = compiled(
+def test_slashes_in_names_do_not_merge_subtrees():
+    tree = compile_trees(
         '<Sequence><SubTree ID="B" name="a/b"/><SubTree ID="C" name="a"/></Sequence>',
         B='<Script code="x := 1"/>',
         C='<SubTree ID="D" name="b"/>',
@@ -114,7 +118,7 @@ class Inside(Behaviour):
 
 
 @pytest.mark.parametrize("levels", [1, 2])
-def test_a_node_in_a_subtree_that_refers_to_what_the_subtree_stands_in_is_a_finding(levels):
+def test_reference_out_of_subtree_to_its_parent_is_reported(levels):
     registry = Registry([*REGISTRY.specs(), NodeSpec("Inside", Inside, Kind.ACTION)])
     inner = ['<SubTree ID="T1"/>', "<Inside/>"][2 - levels :]
     trees = "".join(
@@ -127,52 +131,52 @@ def test_a_node_in_a_subtree_that_refers_to_what_the_subtree_stands_in_is_a_find
         bind_main(forest_of(text), registry)
 
 
-def test_what_a_text_port_reads_is_the_text_that_the_subtree_is_given():
+def test_string_port_reads_constant_as_written():
     body = '<Switch2 variable="{zone}" case_1="7" case_2="8"><Failure/><Success/><Failure/></Switch2>'
-    tree = compiled('<SubTree ID="B"/>', B='<SubTree ID="C" zone="007" count="007"/>', C=body)
+    tree = compile_trees('<SubTree ID="B"/>', B='<SubTree ID="C" zone="007" count="007"/>', C=body)
     (outer,) = tree.instance.inner.values()
     (inner,) = outer.inner.values()
     assert [inner.scope.resolve(key).read() for key in ("zone", "count")] == ["007", 7]
 
 
 @pytest.mark.parametrize("name", ["b", "b::1"])
-def test_two_subtrees_of_one_name_have_keys_of_their_own(name):
+def test_subtrees_of_same_name_have_separate_keys(name):
     main = f'<Sequence><SubTree ID="B" name="{name}" x="1"/><SubTree ID="B" name="{name}" x="2"/></Sequence>'
-    tree = compiled(main, B='<Script code="y := x"/>')
+    tree = compile_trees(main, B='<Script code="y := x"/>')
     tree.root.tick_once()
     assert [inner.scope.resolve("y").read() for inner in tree.instance.inner.values()] == [1, 2]
 
 
-def test_an_equals_sign_is_a_text_for_a_subtree():
-    assert after('<SubTree ID="B" x="=" y="{=}"/>', B='<Script code="y := x"/>') == {"y": "="}
+def test_single_equals_sign_is_string_for_subtree():
+    assert keys_after_tick('<SubTree ID="B" x="=" y="{=}"/>', B='<Script code="y := x"/>') == {"y": "="}
 
 
-def test_every_port_names_an_entry_that_a_script_can_write():
+def test_remapped_entry_port_names_key_of_calling_tree():
     tree = '<Sequence><Script code="n = 1"/><SubTree ID="B" m="{n}"/></Sequence>'
-    assert after(tree, B='<WasEntryUpdated entry="{m}"/>') == {"n": 1}
+    assert keys_after_tick(tree, B='<WasEntryUpdated entry="{m}"/>') == {"n": 1}
 
 
 @pytest.mark.parametrize(
     ("text", "value"),
     [("7", 7), ("1e3", 1000.0), ("+7", "+7"), ("-inf", -math.inf), ("true", "true"), ("a b", "a b")],
 )
-def test_a_constant_has_the_type_that_its_text_shows(text, value):
-    seen = after(f'<SubTree ID="B" x="{text}"/>', B='<Script code="@seen := x"/>')["seen"]
+def test_constant_has_type_of_its_literal(text, value):
+    seen = keys_after_tick(f'<SubTree ID="B" x="{text}"/>', B='<Script code="@seen := x"/>')["seen"]
     assert seen == value
 
 
-def test_a_key_of_the_root_is_written_with_an_at_sign_anywhere():
+def test_at_sign_refers_to_root_key_in_any_tree():
     inner = {"B": '<SubTree ID="C"/>', "C": '<Script code="@x := 1"/>'}
-    assert after('<SubTree ID="B"/>', **inner) == {"x": 1}
+    assert keys_after_tick('<SubTree ID="B"/>', **inner) == {"x": 1}
 
 
-def test_a_key_of_the_root_can_be_passed_on():
+def test_root_key_can_be_remapped():
     inner = {"B": '<SubTree ID="C" z="{@far}"/>', "C": '<Script code="z := 1"/>'}
-    assert after('<SubTree ID="B"/>', **inner) == {"far": 1}
+    assert keys_after_tick('<SubTree ID="B"/>', **inner) == {"far": 1}
 
 
-def test_instances_of_one_tree_have_keys_of_their_own():
-    tree = compiled(
+def test_instances_of_same_tree_have_separate_keys():
+    tree = compile_trees(
         '<Sequence><SubTree ID="B" name="a" me="1"/><SubTree ID="B" name="b" me="2"/></Sequence>',
         B='<Script code="kept := me"/>',
     )
@@ -180,20 +184,20 @@ def test_instances_of_one_tree_have_keys_of_their_own():
     assert [inner.scope.resolve("kept").read() for inner in tree.instance.inner.values()] == [1, 2]
 
 
-def test_parameters_of_the_mission_are_keys_of_the_root():
-    tree = compiled('<SubTree ID="B" v="{speed}"/>', {"speed": 2, "goal": "x"}, B='<Fixed speed="{v}"/>')
-    assert own(tree) == {"speed": 2, "goal": "x"}
+def test_mission_parameters_are_root_keys():
+    tree = compile_trees('<SubTree ID="B" v="{speed}"/>', {"speed": 2, "goal": "x"}, B='<Fixed speed="{v}"/>')
+    assert main_tree_keys(tree) == {"speed": 2, "goal": "x"}
     assert [node.speed for node in tree.root.iterate() if isinstance(node, Fixed)] == [2.0]
 
 
-def test_an_attribute_that_is_fixed_takes_a_constant_of_its_subtree():
-    tree = compiled('<SubTree ID="B" v="0.5"/>', B='<Fixed speed="{v}"/>')
+def test_fixed_attribute_accepts_constant_of_its_subtree():
+    tree = compile_trees('<SubTree ID="B" v="0.5"/>', B='<Fixed speed="{v}"/>')
     assert [node.speed for node in tree.root.iterate() if isinstance(node, Fixed)] == [0.5]
 
 
-def test_an_attribute_that_is_fixed_cannot_take_what_is_written_later():
+def test_fixed_attribute_rejects_key_written_at_run_time():
     with pytest.raises(TreeError) as caught:
-        compiled(
+        compile_trees(
             '<Sequence><SubTree ID="B" name="1"/><SubTree ID="B" name="2"/></Sequence>',
             {"w": 1},
             B='<Fixed speed="{v}"/>',
@@ -203,9 +207,9 @@ def test_an_attribute_that_is_fixed_cannot_take_what_is_written_later():
     assert "{@v}" in (finding.hint or "")
 
 
-def test_findings_of_the_compiler_come_in_the_order_of_the_file():
+def test_compiler_findings_are_in_file_order():
     with pytest.raises(TreeError) as caught:
-        compiled(
+        compile_trees(
             '<Sequence><SubTree ID="B"/><Fixed speed="{b}"/><Fixed speed="{a}"/></Sequence>',
             B='<Fixed speed="{@c}"/>',
         )
@@ -214,17 +218,17 @@ def test_findings_of_the_compiler_come_in_the_order_of_the_file():
     assert places == sorted(places)
 
 
-def test_two_compiled_trees_share_no_keys():
-    first, second = (compiled('<Script code="x := @start + 1"/>', {"start": start}) for start in (1, 5))
+def test_compiled_trees_share_no_keys():
+    first, second = (compile_trees('<Script code="x := @start + 1"/>', {"start": start}) for start in (1, 5))
     first.root.tick_once()
     second.root.tick_once()
-    assert (own(first)["x"], own(second)["x"]) == (2, 6)
+    assert (main_tree_keys(first)["x"], main_tree_keys(second)["x"]) == (2, 6)
 
 
-def test_the_keys_of_a_tree_are_forgotten_with_it():
+def test_keys_of_deleted_tree_are_removed():
     gc.collect()  # of the trees of other tests
     before = set(Blackboard.storage)
-    tree = compiled('<SubTree ID="B"/>', {"a": 1}, B='<Script code="x := 1"/>')
+    tree = compile_trees('<SubTree ID="B"/>', {"a": 1}, B='<Script code="x := 1"/>')
     tree.root.tick_once()
     assert set(Blackboard.storage) > before
     del tree
@@ -241,13 +245,15 @@ PASSED = st.dictionaries(
 
 
 @given(st.lists(st.tuples(PASSED, st.booleans()), min_size=1, max_size=4), KEYS)
-def test_a_key_means_what_following_the_trees_from_the_inside_out_says(levels, key):
-    """The rules of a SubTree, followed by hand, and what the compiled tree does."""
+def test_key_resolution_matches_subtree_rules(levels, key):
+    """Compare the compiled tree with the rules of a SubTree, applied from the inside out."""
     trees = {f"T{number}": _subtree(number + 1, *level) for number, level in enumerate(levels) if number}
-    tree = compiled(_subtree(1, *levels[0]), **trees, **{f"T{len(levels)}": f'<Script code="{key} := 1"/>'})
+    tree = compile_trees(
+        _subtree(1, *levels[0]), **trees, **{f"T{len(levels)}": f'<Script code="{key} := 1"/>'}
+    )
     tree.root.tick_once()
     depth, owned = _owner(levels, key)
-    assert own(tree).get(owned) == (1 if depth == 0 else None)
+    assert main_tree_keys(tree).get(owned) == (1 if depth == 0 else None)
 
 
 def _subtree(number, passed, autoremap):
