@@ -1,1 +1,1 @@
-"""The types of ports that share a key: trees, and what BehaviorTree.CPP makes of them."""
+"""The types of ports that share a key: trees, and the verdicts of BehaviorTree.CPP."""

@@ -1,4 +1,4 @@
-"""The nodes that BehaviorTree.CPP 4.10 registers by itself, with the types of their ports as it lists them."""
+"""Tests of the port types of built-in nodes, against the list that BehaviorTree.CPP 4.10 writes."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from sar_compiler.nodes.spec import Kind
 from tests.trees import document, forest_of
 
 
-def listed():
+def listed_port_types():
     """Return the types of the ports of each node, as `writeTreeNodesModelXML` writes them."""
     nodes: dict[str, dict[str, str]] = {}
     for line in Path(__file__).with_name("built_in_nodes.txt").read_text(encoding="utf-8").splitlines():
@@ -24,26 +24,26 @@ def listed():
     return nodes
 
 
-def test_built_in_are_the_nodes_that_btcpp_registers():
-    assert set(listed()) == BUILT_IN
+def test_built_in_nodes_match_registered_nodes_of_btcpp():
+    assert set(listed_port_types()) == BUILT_IN
     specs = default_registry().specs()
     assert {spec.tag for spec in specs if spec.semantics.counterpart.built_in} == BUILT_IN - {"SubTree"}
 
 
-def test_the_ports_of_built_in_nodes_have_the_types_of_btcpp():
-    nodes, compared = listed(), 0
+def test_port_types_of_built_in_nodes_match_btcpp():
+    nodes, compared = listed_port_types(), 0
     for spec in default_registry().specs():
         for parameter in spec.ports if spec.semantics.counterpart.built_in else ():
             cpp, said = parameter.value_type.cpp, nodes[spec.tag].get(parameter.name)
             if said is None or (spec.tag, parameter.name) == ("ScriptCondition", "code"):
-                continue  # py_trees' attribute of that tag; a script, which is a text for whoever writes it
+                continue  # py_trees' attribute of that tag; a script, which is a string in a file
             compared += 1
             assert normalize(cpp) == normalize(said), (spec.tag, parameter.name)
             assert is_untyped(normalize(cpp)) or cpp
     assert compared > 40
 
 
-def test_a_decorator_of_the_language_that_btcpp_lacks_is_converted_with_a_finding_and_a_model():
+def test_decorator_unknown_to_btcpp_is_converted_with_finding_and_model():
     slow = language_spec(Kind.DECORATOR, "SlowDown", "kernel.turning:TurningNode", "Takes its time.")
     registry = Registry([*default_registry().specs(), slow])
     converted = convert_to_btcpp(forest_of(document("<SlowDown><AlwaysSuccess/></SlowDown>")), registry)

@@ -1,7 +1,9 @@
-"""Every pair of C++ types on one key: what BehaviorTree.CPP refuses is reported, and nothing that it runs is an error.
+"""Tests of every pair of C++ types on one key, against the verdicts of BehaviorTree.CPP.
 
-`verdicts.txt` has what BehaviorTree.CPP made of each tree of `trees.py`, by version and family: a line of letters for each row,
-one for each column. `c`: the tree was created, and ticked without an error. `r`: it was refused. `t`: a tick raised an error.
+What BehaviorTree.CPP rejects must be reported, and a tree that it runs must not be an error. `verdicts.txt`
+has the verdict on each tree of `trees.py`, by version and family: a line of letters for each row, one for
+each column. `c`: the tree was created, and ticked without an error. `r`: it was rejected. `t`: a tick raised
+an error.
 """
 
 import functools
@@ -29,13 +31,13 @@ WRITTEN_LAST = ("written then scripted", "port then write")
 
 @pytest.fixture(autouse=True)
 def _without_schema(monkeypatch):
-    """Do without the schema: it finds none of these codes, and is made anew for each tree."""
+    """Turn off the schema check: it finds none of these codes, and is rebuilt for each tree."""
     monkeypatch.setattr(checks, "_schema_findings", lambda *_: [])
 
 
 @functools.cache
 def verdicts(version: str) -> Mapping[str, Mapping[tuple[str, str], str]]:
-    """Return what a version made of the trees: by family, the letter of each row and column."""
+    """Return the verdicts of a version: by family, the letter of each row and column."""
     found: dict[str, dict[tuple[str, str], str]] = {}
     rows, columns = {}, []
     for line in Path(__file__).with_name("verdicts.txt").read_text(encoding="utf-8").splitlines():
@@ -58,7 +60,7 @@ def families() -> Mapping[str, list[Tree]]:
     return found
 
 
-# Why nothing need be said of a tree that BehaviorTree.CPP refuses.
+# Reasons why a tree that BehaviorTree.CPP rejects needs no finding.
 SILENT = {
     "what a port without a type writes is not known": lambda tree, written: (
         {written, tree.row} & {"Any", "untyped"}
@@ -82,18 +84,18 @@ def may_be_silent(tree: Tree) -> bool:
 
 
 def is_noted(tree: Tree) -> bool:
-    """Return whether C++ code decides, by reading a user's type from a text: then a note says so."""
+    """Return whether C++ code decides, by reading a user's type from a string; a note reports this."""
     written = tree.column if tree.family in WRITTEN_LAST else tree.row
     return bool({tree.row, tree.column} & OWN_TYPES) and is_text(written)
 
 
 def is_text(written: str) -> bool:
-    """Return whether a value is a text for BehaviorTree.CPP; whatever `SetBlackboard` or an attribute says is."""
+    """Return whether a value is a string for BehaviorTree.CPP; constants always are."""
     return written in {"string", "LoopString"} or written in CONSTANTS or written.startswith("'")
 
 
 def may_be_error(tree: Tree) -> str:
-    """Return why a tree that BehaviorTree.CPP runs is an error here; empty where it must not be."""
+    """Return why a tree that BehaviorTree.CPP runs is an error here; empty if it must not be one."""
     row, column = tree.row, tree.column
     if column == "RunOnce":
         return "RunOnce there passes over an attribute that it cannot read"
@@ -115,7 +117,7 @@ def severities(tree: Tree, version=None):
     return {each.severity for each in found if each.code in CODES}
 
 
-# By family: two versions ask for the same findings.
+# By family: two versions need the same findings.
 PAIRS = [
     pytest.param(version, family, id=f"{version} {family}")
     for family in verdicts("4.10")
@@ -125,8 +127,9 @@ PAIRS = [
 
 
 @pytest.mark.parametrize(("release", "family"), PAIRS)
-def test_what_btcpp_refuses_is_reported_and_what_it_runs_is_no_error(release, family):
-    # 4.9 is that of its last release, which types constants as 4.10 does; 4.8 has 4.9.0's texts.
+def test_trees_rejected_by_btcpp_are_reported_and_accepted_ones_are_no_errors(release, family):
+    # 4.9 has the rules of its last release, which types constants as 4.10 does; 4.8 reads strings as 4.9.0
+    # does.
     version = {"4.10": None, "4.9.0": VERSIONS["4.8"], "4.8.4": VERSIONS["4.8"]}[release]
     known = verdicts(release)[family]
     older = verdicts("4.8.4").get(family, {}) if release == "4.9.0" else {}
@@ -145,7 +148,7 @@ def test_what_btcpp_refuses_is_reported_and_what_it_runs_is_no_error(release, fa
     assert (silent, wrong) == ([], [])
 
 
-def test_what_btcpp_refuses_between_ports_is_reported_without_any_exception():
+def test_port_conflicts_rejected_by_btcpp_are_reported_without_exception():
     for family in ("write then read", "through two subtrees", "write then change", "write then take", "item"):
         known = verdicts("4.10")[family]
         refused = [tree for tree in families()[family] if known[tree.row, tree.column] == "r"]
@@ -154,7 +157,7 @@ def test_what_btcpp_refuses_between_ports_is_reported_without_any_exception():
 
 
 @pytest.mark.parametrize("family", ["write then read", "constant", "write then take"])
-def test_a_refused_tree_is_an_error_where_the_trees_are_said_to_be_for_btcpp(family):
+def test_rejected_tree_is_error_if_project_targets_btcpp(family):
     known = verdicts("4.10")[family]
     for tree in families()[family]:
         if known[tree.row, tree.column] == "r":
@@ -162,7 +165,7 @@ def test_a_refused_tree_is_an_error_where_the_trees_are_said_to_be_for_btcpp(fam
 
 
 @pytest.mark.parametrize("family", verdicts("4.10"))
-def test_nothing_that_btcpp_refuses_is_converted_without_a_finding(family):
+def test_rejected_tree_is_not_converted_without_finding(family):
     known = verdicts("4.10")[family]
     for tree in families()[family]:
         if known[tree.row, tree.column] == "r" and not (may_be_silent(tree) or is_noted(tree)):
@@ -181,17 +184,15 @@ TYPES_OF_COUNTS = {"unsigned": True, "double": True, "bool": True, "Pose": True,
         '<Repeat num_success="{k}"><AlwaysSuccess/></Repeat>',
     ],
 )
-def test_the_types_of_the_file_that_is_written_count_and_not_those_of_the_file_that_is_read(
-    node, name, is_refused
-):
-    # The ports of Retry and Repeat have no direction here; those that they become have the type int there.
+def test_conversion_checks_types_of_written_file(node, name, is_refused):
+    # The ports of Retry and Repeat have no direction here; the ports they are converted to have the type int.
     tree = Tree("counted", name, "", write(name) + node)
     losses = convert_to_btcpp(forest_of(tree.text()), default_registry()).losses
     refused = [each for each in losses if each.severity is not Severity.INFO]
     assert len(refused) == is_refused
 
 
-def test_a_number_that_becomes_another_one_is_judged_as_it_is_written():
+def test_converted_number_is_checked_as_written():
     text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Timer duration="1.5"/></BehaviorTree></root>'
     assert convert_to_btcpp(forest_of(text), default_registry()).losses == ()
     late = text.replace("1.5", "5000000")
@@ -199,7 +200,7 @@ def test_a_number_that_becomes_another_one_is_judged_as_it_is_written():
     assert "does not fit into" in loss.message
 
 
-def test_each_type_by_itself_goes_with_itself():
+def test_each_type_is_compatible_with_itself():
     for name in TYPES:
         tree = next(each for each in families()["write then read"] if each.row == each.column == name)
         assert severities(tree) == set()

@@ -1,8 +1,8 @@
-"""Trees in which a value goes from one place to another, for each pair of C++ types.
+"""Trees in which a value is passed from one location to another, for each pair of C++ types.
 
-A leaf `W_int` has an output `out` of the type `int`, `R_int` an input `in`, `B_int` a port `both` in both directions. `W_int`
-writes 1, `W_string` writes "1", and so on: a value that each type for numbers holds. The leaves for BehaviorTree.CPP are in
-C++, and not in this project; `verdicts.txt` has what it made of the trees.
+A leaf `W_int` has an output `out` of the type `int`, `R_int` an input `in`, `B_int` a port `both` in both
+directions. `W_int` writes 1, `W_string` writes "1", and so on: a value that each numeric type can hold. The
+leaves for BehaviorTree.CPP are in C++, and not in this project; `verdicts.txt` has its verdicts on the trees.
 """
 
 from collections.abc import Iterator
@@ -68,8 +68,8 @@ class Tree(NamedTuple):
 
     Attributes:
         family: The kind of tree.
-        row: Where the value comes from.
-        column: Where it goes.
+        row: The source of the value.
+        column: The destination of the value.
         main: The nodes of the main tree.
         parts: The other trees, by ID.
         model: The models of subtrees.
@@ -83,7 +83,7 @@ class Tree(NamedTuple):
     model: str = ""
 
     def text(self) -> str:
-        """Return the file."""
+        """Return the text of the file."""
         bodies = "".join(f'<BehaviorTree ID="{name}">{body}</BehaviorTree>\n' for name, body in self.parts)
         used = [name for name in TYPES if f"_{name} " in self.main + bodies]
         return (
