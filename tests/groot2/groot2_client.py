@@ -1,4 +1,4 @@
-"""Groot2's side of the protocol, written from its description and not from the code that is tested."""
+"""A client of Groot2's protocol, written from its description and not from the code under test."""
 
 import struct
 
@@ -12,14 +12,15 @@ PATIENCE_MSEC = 20_000
 
 
 class Client:
-    """Asks a publisher, and hears what it tells by itself."""
+    """Sends requests to a publisher, and receives its notifications."""
 
     def __init__(self, port):
         self._context, self._port = zmq.Context(), port
         self._asking = self._socket(zmq.REQ, port)
         self._hearing = self._socket(zmq.SUB, port + 1)
         self._hearing.setsockopt(zmq.SUBSCRIBE, b"")
-        # Nothing is kept for who is not there yet; any answer afterwards says that the other side knows it.
+        # Notifications before the subscription are lost; any reply shows that the publisher knows the
+        # subscriber.
         self.statuses()
 
     def _socket(self, kind, port):
@@ -35,7 +36,7 @@ class Client:
         self._context.destroy(linger=0)
 
     def send(self, *frames):
-        """Send frames as they are; return those of the reply."""
+        """Send frames unchanged; return the frames of the reply."""
         self._asking.send_multipart(list(frames))
         return self._asking.recv_multipart()
 
@@ -48,13 +49,13 @@ class Client:
         return rest
 
     def refused(self, *frames):
-        """Send frames as they are, which must be refused; return the text."""
+        """Send frames unchanged, which must be rejected; return the error text."""
         word, text = self.send(*frames)
         assert word == b"error"
         return text.decode()
 
     def is_disconnected_by(self, *frames):
-        """Send frames as they are, by a connection of their own, and wait until the publisher ends it."""
+        """Send frames unchanged on a separate connection, and wait until the publisher closes it."""
         socket = self._context.socket(zmq.REQ)
         happens = socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
         happens.setsockopt(zmq.RCVTIMEO, PATIENCE_MSEC)
@@ -70,13 +71,13 @@ class Client:
         return dict(struct.iter_unpack("<HB", packed))
 
     def see(self, wanted):
-        """Ask until these are the statuses: those of one tick are told one after the other."""
+        """Poll until the statuses are as wanted; those of one tick are published one after the other."""
         news = News()
         with news:
             news.wait_until(lambda: self.statuses() == wanted, lambda: f"never {wanted}: {self.statuses()}")
 
     def blackboards(self, names):
-        """Return what blackboards hold."""
+        """Return the contents of blackboards."""
         (packed,) = self.ask("B", names.encode())
         return msgpack.unpackb(packed)
 
@@ -89,11 +90,11 @@ class Client:
         ]
 
     def hears(self):
-        """Return whether the publisher has told something."""
+        """Return whether the publisher has sent a notification."""
         return self._hearing.poll(0) != 0
 
     def heard(self):
-        """Return the type and the text of what the publisher tells next."""
+        """Return the type and the text of the publisher's next notification."""
         head, text = self._hearing.recv_multipart()
         protocol, kind, _ = struct.unpack("<BBI", head)
         assert protocol == 2

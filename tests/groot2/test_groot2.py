@@ -1,4 +1,4 @@
-"""A tree as Groot2 sees it, over its own protocol."""
+"""Tests of the Groot2 publisher, with a client of its protocol."""
 
 import itertools
 import json
@@ -36,7 +36,7 @@ WAS = 10
 
 @register("Queue", kind=Kind.ACTION, outcomes={Status.SUCCESS, Status.FAILURE, Status.RUNNING})
 class Queue(StatusQueue):
-    """Answers one letter after the other, and then the last one for ever: S, F or R."""
+    """Returns one status a tick, S, F or R, and repeats the last one."""
 
     def __init__(self, name: str, answers: str) -> None:
         statuses = [{"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING}[each] for each in answers]
@@ -45,7 +45,7 @@ class Queue(StatusQueue):
 
 @pytest.fixture
 def stage(tmp_path):
-    """Show a tree; return what ticks it and a client."""
+    """Return a function that publishes a tree and returns a ticker and a client."""
     with ExitStack() as stack:
 
         def show(*content, parameters=None, **options):
@@ -66,7 +66,7 @@ def main(*body):
     return ('<BehaviorTree ID="Main">', *body, "</BehaviorTree>")
 
 
-def test_the_tree_has_a_block_for_each_use_of_a_subtree_and_numbers_in_pre_order(stage):
+def test_tree_has_block_for_each_subtree_use_and_preorder_numbers(stage):
     _, client = stage(
         *main('<Sequence name="s"><SubTree ID="In" name="one" x="{a}"/><SubTree ID="In"/></Sequence>'),
         '<BehaviorTree ID="In"><Sequence><AlwaysSuccess/></Sequence></BehaviorTree>',
@@ -85,7 +85,7 @@ def test_the_tree_has_a_block_for_each_use_of_a_subtree_and_numbers_in_pre_order
     assert [int(each.get("_uid", 0)) for each in root.iter() if each.get("_uid")] == [1, 2, 5, 3, 4, 6, 7]
 
 
-def test_nodes_have_the_names_and_attributes_that_behaviortree_cpp_knows(stage):
+def test_nodes_have_btcpp_names_and_attributes(stage):
     _, client = stage(
         *main(
             '<Selector memory="false" name="look &lt;again&gt;"><Queue answers="S" oneshot="ON_COMPLETION"/>'
@@ -110,7 +110,7 @@ def test_nodes_have_the_names_and_attributes_that_behaviortree_cpp_knows(stage):
     )
 
 
-def test_the_nodes_that_a_tree_is_shown_with_are_looked_up_in_no_registry(stage):
+def test_publishing_needs_no_default_registry(stage):
     default_registry.cache_clear()
     _, client = stage(
         *main('<Selector memory="false"><Queue answers="S" oneshot="ON_COMPLETION"/></Selector>')
@@ -119,7 +119,7 @@ def test_the_nodes_that_a_tree_is_shown_with_are_looked_up_in_no_registry(stage)
     assert default_registry.cache_info().misses == 0
 
 
-def test_what_makes_a_subtree_run_once_is_a_node_around_it_and_no_port(stage):
+def test_oneshot_subtree_is_published_with_run_once_node(stage):
     _, client = stage(
         *main('<SubTree ID="In" name="one" oneshot="ON_COMPLETION" x="1"/>'),
         '<BehaviorTree ID="In"><AlwaysSuccess/></BehaviorTree>',
@@ -129,7 +129,7 @@ def test_what_makes_a_subtree_run_once_is_a_node_around_it_and_no_port(stage):
     assert [dict(each.attrib) for each in once] == [{"ID": "In", "x": "1", "_fullpath": "one", "_uid": "2"}]
 
 
-def test_a_tick_does_not_wait_for_a_snapshot_to_be_made(stage, monkeypatch):
+def test_tick_does_not_wait_for_snapshot(stage, monkeypatch):
     tree, client = stage(*main('<Queue answers="R"/>'))
     was_ticked = []
 
@@ -145,7 +145,7 @@ def test_a_tick_does_not_wait_for_a_snapshot_to_be_made(stage, monkeypatch):
     assert was_ticked == [True]
 
 
-def test_a_node_that_has_ended_is_idle_when_the_work_around_it_is_over(stage):
+def test_finished_node_is_idle_after_its_parent_has_finished(stage):
     tree, client = stage(*main('<Sequence><Queue answers="S"/><Queue answers="RSR"/></Sequence>'))
     assert client.statuses() == {1: IDLE, 2: IDLE, 3: IDLE}
     tree.tick()
@@ -156,7 +156,7 @@ def test_a_node_that_has_ended_is_idle_when_the_work_around_it_is_over(stage):
     assert client.statuses() == {1: RUNNING, 2: SUCCESS, 3: RUNNING}
 
 
-def test_a_node_that_is_halted_was_running(stage):
+def test_halted_node_is_published_as_was_running(stage):
     tree, client = stage(
         *main('<ReactiveSequence><Queue answers="SF"/><Queue answers="R"/></ReactiveSequence>')
     )
@@ -165,7 +165,7 @@ def test_a_node_that_is_halted_was_running(stage):
     assert client.statuses() == {1: WAS + FAILURE, 2: WAS + FAILURE, 3: WAS + RUNNING}
 
 
-def test_a_node_that_is_skipped_stays_as_it_was_and_shares_its_number_with_its_conditions(stage):
+def test_skipped_node_is_unchanged_and_shares_number_with_its_conditions(stage):
     tree, client = stage(
         *main(
             '<Sequence><Queue answers="S" _skipIf="n == 1"/><Queue answers="R" _onSuccess="n := 2"/></Sequence>'
@@ -176,7 +176,7 @@ def test_a_node_that_is_skipped_stays_as_it_was_and_shares_its_number_with_its_c
     assert client.statuses() == {1: RUNNING, 2: IDLE, 3: RUNNING}
 
 
-def test_a_recording_has_every_change_in_its_order_and_is_read_once(stage):
+def test_recording_has_changes_in_order_and_is_read_once(stage):
     tree, client = stage(*main('<Sequence><Queue answers="S"/><Queue answers="RS"/></Sequence>'))
     tree.tick()
     assert client.transitions() == []
@@ -194,7 +194,7 @@ def test_a_recording_has_every_change_in_its_order_and_is_read_once(stage):
     assert client.transitions() == []
 
 
-def test_a_recording_keeps_the_last_thousand_changes(stage):
+def test_recording_keeps_last_thousand_changes(stage):
     tree, client = stage(*main('<Sequence><Queue answers="S"/></Sequence>'))
     client.ask("r", b"start")
     for _ in range(300):
@@ -202,7 +202,7 @@ def test_a_recording_keeps_the_last_thousand_changes(stage):
     assert len(client.transitions()) == 1000
 
 
-def test_blackboards_go_by_the_trees_id_and_the_paths_of_subtrees(stage):
+def test_blackboards_are_named_by_tree_id_and_subtree_path(stage):
     tree, client = stage(
         *main(
             '<Sequence><Script code="a := 2"/><SubTree ID="In" name="one" x="{a}"/></Sequence>',
@@ -215,27 +215,27 @@ def test_blackboards_go_by_the_trees_id_and_the_paths_of_subtrees(stage):
     assert client.blackboards("Main") == {"Main": of_main}
     assert client.blackboards("one;nothing") == {"one": {"b": 3, "x": 2}, "ROOT": of_main}
     assert client.blackboards("nothing") is None
-    # A viewer that names none gets what BehaviorTree.CPP answers: null.
+    # A viewer that names no blackboard receives null, as from BehaviorTree.CPP.
     assert client.blackboards("") is None
 
 
-def test_a_value_that_cannot_be_told_is_told_as_nothing(stage):
+def test_unserializable_value_is_published_as_null(stage):
     _, client = stage(*main('<Queue answers="S"/>'), parameters={"p": object(), "big": 2**70})
     assert client.blackboards("Main") == {"Main": {"p": None, "big": None}}
 
 
-def test_an_entry_that_is_removed_while_it_is_asked_for_is_left_out(stage, monkeypatch):
+def test_entry_removed_during_request_is_omitted(stage, monkeypatch):
     tree, client = stage(
         *main('<Sequence><Script code="a := 2"/><SubTree ID="In" name="one" x="{never}"/></Sequence>'),
         '<BehaviorTree ID="In"><AlwaysSuccess/></BehaviorTree>',
     )
     tree.tick()
-    # What somebody sees who looks just before.
+    # As if the entry had existed just before.
     monkeypatch.setattr(Entry, "exists", property(lambda _: True))
     assert client.blackboards("one") == {"one": {}, "ROOT": {"a": 2}}
 
 
-def test_a_value_that_changes_while_it_is_asked_for_is_told_as_it_was(stage):
+def test_value_changed_during_request_is_published_unchanged(stage):
     changing: dict[str, object] = {"n": 1}
 
     class Changes(dict[str, int]):
@@ -262,45 +262,45 @@ def test_a_value_that_changes_while_it_is_asked_for_is_told_as_it_was(stage):
         ([request("I"), b"{}"], "breakpoints and substituted outcomes are not supported"),
     ],
 )
-def test_a_malformed_request_is_refused_and_the_next_one_answered(frames, words, stage):
+def test_malformed_request_is_rejected_and_next_one_is_served(frames, words, stage):
     tree, client = stage(*main('<Queue answers="R"/>'))
     assert words in client.refused(*frames)
     tree.tick()
     assert client.statuses() == {1: RUNNING}
 
 
-def test_a_request_of_more_than_a_mebibyte_ends_its_connection_and_no_other(stage):
+def test_oversized_request_closes_only_its_connection(stage):
     _, client = stage(*main("<AlwaysSuccess/>"))
     client.is_disconnected_by(request("T"), bytes(2**20 + 1))
     assert client.ask("T")
 
 
 @pytest.mark.parametrize("part", [None, b"", b"{}", b"a", b'[{"uid": 1, "result": "SUCCESS"}]'])
-def test_no_request_changes_the_tree(stage, part):
+def test_no_request_changes_tree(stage, part):
     tree, client = stage(*main('<Queue answers="RS"/>'), parameters={"a": 1})
     tree.tick()
     before = client.statuses(), client.blackboards("Main")
     for kind in map(chr, range(256)):
-        if kind not in "rt":  # which turn the recording on, and read it
+        if kind not in "rt":  # these start the recording, and read it
             client.send(request(kind), *([] if part is None else [part]))
     assert (client.statuses(), client.blackboards("Main")) == before
     tree.tick()
     assert tree.root.status is Status.SUCCESS
 
 
-def test_it_listens_on_this_machine_alone(tmp_path):
+def test_publisher_listens_on_loopback_only(tmp_path):
     write(tmp_path / "tree.xml", *main("<AlwaysSuccess/>"), main="Main")
     tree, port = sar_compiler.load(tmp_path / "tree.xml").compile(), free_port()
     with closing(Groot2Publisher(tree, port)):
         assert listening_addresses(port) == listening_addresses(port + 1) == {"127.0.0.1"}
 
 
-def test_there_are_no_breakpoints_to_list_or_remove(stage):
+def test_list_of_breakpoints_is_empty(stage):
     _, client = stage(*main('<Queue answers="R"/>'))
     assert (client.ask("D"), client.ask("A"), client.ask("X")) == ([b"[]"], [], [])
 
 
-def test_a_port_that_is_taken_is_said(tmp_path):
+def test_port_in_use_is_reported(tmp_path):
     write(tmp_path / "tree.xml", *main("<AlwaysSuccess/>"), main="Main")
     tree = sar_compiler.load(tmp_path / "tree.xml").compile()
     port = free_port()
@@ -313,13 +313,13 @@ def test_a_port_that_is_taken_is_said(tmp_path):
 
 
 @pytest.mark.parametrize("port", [-1, 0, 65535, 70000])
-def test_a_port_that_there_is_not_is_said(port, tmp_path):
+def test_invalid_port_is_reported(port, tmp_path):
     write(tmp_path / "tree.xml", *main("<AlwaysSuccess/>"), main="Main")
     with pytest.raises(SarError, match="there is no port"):
         Groot2Publisher(sar_compiler.load(tmp_path / "tree.xml").compile(), port)
 
 
-def test_a_tree_with_more_nodes_than_numbers_is_refused_in_words(tmp_path):
+def test_tree_with_too_many_nodes_is_rejected(tmp_path):
     few = "<AlwaysSuccess/>" * 255
     write(
         tmp_path / "tree.xml",
@@ -338,7 +338,7 @@ def port_of(client):
 
 @pytest.fixture
 def btview(stage):
-    """Somebody else's reader of the protocol, in front of a tree that is in the middle of its work."""
+    """Return a command of btview, an independent client, for a tree with a running node."""
     pytest.importorskip("btview", reason="btview, from PyPI, is not installed")
     tree, client = stage(
         *main('<Sequence name="Work"><Queue answers="S"/><SubTree ID="In" name="one"/></Sequence>'),
@@ -352,7 +352,7 @@ def btview(stage):
     return command
 
 
-def test_btview_shows_the_tree(btview):
+def test_btview_shows_tree(btview):
     words = btview("snapshot", "--ascii", "--no-color")
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -366,7 +366,7 @@ def test_btview_shows_the_tree(btview):
         assert any(name in line and line[-1] == status for line in lines), lines
 
 
-def test_btview_echoes_what_becomes_of_nodes(stage):
+def test_btview_prints_status_changes(stage):
     tree, client = stage(*main('<Queue name="Swinging" answers="S"/>'))
     answers = itertools.cycle([*[Status.RUNNING] * 20, *[Status.SUCCESS] * 20])
     words = [sys.executable, "-u", "-m", "btview", "echo", "--json", "--port", port_of(client)]
@@ -385,10 +385,10 @@ def test_btview_echoes_what_becomes_of_nodes(stage):
     assert {line["from"], line["to"]} <= {"IDLE", "RUNNING"}
 
 
-def test_btview_records_the_tree(btview, tmp_path):
+def test_btview_records_tree(btview, tmp_path):
     pipe = tmp_path / "run.jsonl"
     os.mkfifo(pipe)
-    # Opened for writing as well, so that there is no end of it.
+    # Opened for writing as well, so that it never reports an end of file.
     with (
         pipe.open("r+b", buffering=0) as recorded,
         subprocess.Popen(btview("record", "--output", str(pipe)), stdout=subprocess.DEVNULL) as recorder,
