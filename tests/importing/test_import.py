@@ -1,4 +1,4 @@
-"""Runs that BehaviorTree.CPP's loggers recorded, imported as journals."""
+"""Tests of the import of runs that BehaviorTree.CPP's loggers or Nav2 recorded."""
 
 import itertools
 import json
@@ -31,7 +31,7 @@ def import_log(log, folder, *options):
 
 
 def parts_of(log):
-    """Return the bytes of a log before its changes, and the changes: time in microseconds, number of the node, status."""
+    """Return the bytes of a log before its changes, and the changes (microseconds, node number, status)."""
     data = log.read_bytes()
     (length,) = struct.unpack_from("<i", data, len(MAGIC) + 1)
     head = len(MAGIC) + 1 + 4 + length + 8
@@ -41,15 +41,15 @@ def parts_of(log):
     return data[:head], changes
 
 
-def written(head, changes):
-    """Return a log."""
+def log_bytes(head, changes):
+    """Return the bytes of a log."""
     return head + b"".join(
         struct.pack("<IHHB", time & 0xFFFFFFFF, time >> 32, uid, status) for time, uid, status in changes
     )
 
 
 def answer(command, words, capsys):
-    """Run a command; return its status and what it has printed."""
+    """Run a command; return its exit status and its output."""
     capsys.readouterr()
     status = command([str(word) for word in words])
     said = capsys.readouterr()
@@ -57,7 +57,7 @@ def answer(command, words, capsys):
 
 
 @pytest.mark.parametrize("log", [*LOGS, FAILED, DONE], ids=lambda log: log.stem)
-def test_a_run_of_the_cpp_library_conforms_to_the_tree_in_its_log(log, tmp_path, capsys):
+def test_run_of_cpp_library_conforms_to_tree_in_its_log(log, tmp_path, capsys):
     journal = import_log(log, tmp_path)
     status, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
     assert (status, "conforms: it is a possible run of the tree" in said) == (0, True), said
@@ -71,15 +71,13 @@ def test_a_run_of_the_cpp_library_conforms_to_the_tree_in_its_log(log, tmp_path,
         ("1058", ""),
     ],
 )
-def test_the_class_of_a_leaf_is_assumed_only_if_the_run_does_not_conform_otherwise(
-    log, assumption, tmp_path, capsys
-):
+def test_leaf_class_is_assumed_only_if_run_does_not_conform_otherwise(log, assumption, tmp_path, capsys):
     journal = import_log(Path(f"tests/importing/logs/{log}.btlog"), tmp_path)
     _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
     assert f"conforms: it is a possible run of the tree{assumption}\n" in said
 
 
-def test_a_subtree_that_reads_a_key_of_the_calling_tree_is_remapped(tmp_path, capsys):
+def test_subtree_that_reads_key_of_calling_tree_is_remapped(tmp_path, capsys):
     words = ["import", "tests/importing/logs/9161.btlog", "-o", tmp_path / "j"]
     _, said = answer(journal_command, words, capsys)
     assert "because their scripts read a key before they write it: Tree2" in said
@@ -88,7 +86,7 @@ def test_a_subtree_that_reads_a_key_of_the_calling_tree_is_remapped(tmp_path, ca
     assert '<SubTree ID="Tree2" _autoremap="true"/>' in text
 
 
-def test_subtrees_are_not_remapped_if_the_run_is_possible_only_without_it(tmp_path, capsys):
+def test_subtrees_are_not_remapped_if_run_is_possible_only_without_it(tmp_path, capsys):
     # The Switch2 of Sub2 had no variable, and ticked its default, although another subtree writes the key.
     words = ["import", "tests/importing/logs/300127.btlog", "-o", tmp_path / "j"]
     _, said = answer(journal_command, words, capsys)
@@ -96,7 +94,7 @@ def test_subtrees_are_not_remapped_if_the_run_is_possible_only_without_it(tmp_pa
     assert "_autoremap" not in Path(f"{tmp_path}/j.xml").read_text(encoding="utf-8")
 
 
-def test_a_run_whose_tree_cannot_be_compared_is_imported_with_remapped_subtrees(tmp_path, capsys):
+def test_run_with_unknown_control_is_imported(tmp_path, capsys):
     head, changes = parts_of(Path("tests/importing/logs/300127.btlog"))
     xml = head[len(MAGIC) + 5 : -8]
     renamed = xml.replace(b"<WhileDoElse ", b"<MyControl ").replace(b"</WhileDoElse>", b"</MyControl>")
@@ -104,18 +102,18 @@ def test_a_run_whose_tree_cannot_be_compared_is_imported_with_remapped_subtrees(
     renamed = renamed.replace(b"<TreeNodesModel>", b"<TreeNodesModel>" + described, 1)
     log = tmp_path / "own.btlog"
     size = struct.pack("<i", len(renamed))
-    log.write_bytes(written(head[: len(MAGIC) + 1] + size + renamed + head[-8:], changes))
+    log.write_bytes(log_bytes(head[: len(MAGIC) + 1] + size + renamed + head[-8:], changes))
     status, said = answer(journal_command, ["import", log, "-o", tmp_path / "j"], capsys)
     assert status == 0, said
 
 
-def test_the_palette_of_the_release_whose_ports_are_in_the_log_is_used(tmp_path, capsys):
+def test_palette_of_release_that_matches_ports_in_log_is_used(tmp_path, capsys):
     # RoundRobin has wrap_around since Nav2's main.
     words = ["import", "tests/importing/logs/1001.btlog", "-o", tmp_path / "j"]
     assert "--model nav2:main" in answer(journal_command, words, capsys)[1]
 
 
-def test_the_failed_leaf_is_named_first_with_the_chain_and_the_smallest_change(tmp_path, capsys):
+def test_why_names_failed_leaf_first_with_chain_and_smallest_change(tmp_path, capsys):
     journal = import_log(FAILED, tmp_path)
     status, said = answer(journal_command, ["why", journal], capsys)
     assert status == 0
@@ -131,7 +129,7 @@ def test_two_imported_runs_are_compared(tmp_path, capsys):
     assert f"{done}: 0:04  grasp the box SUCCESS" in said
 
 
-def test_the_outcomes_of_an_imported_run_are_counted_and_predict_its_tree(tmp_path, capsys):
+def test_outcomes_of_imported_run_are_counted_and_predict_its_tree(tmp_path, capsys):
     journal = import_log(DONE, tmp_path)
     status, said = answer(journal_command, ["stats", journal, "--format", "json"], capsys)
     counts = {
@@ -148,7 +146,7 @@ def test_the_outcomes_of_an_imported_run_are_counted_and_predict_its_tree(tmp_pa
     assert (status, "success:" in said) == (0, True), said
 
 
-def test_a_tree_file_of_the_user_gives_the_places(tmp_path, capsys):
+def test_tree_file_of_user_provides_locations(tmp_path, capsys):
     own = tmp_path / "mine.xml"
     own.write_bytes(
         Path(f"{import_log(FAILED, tmp_path)}.xml").read_bytes().replace(b"<root", b"<!-- mine -->\n<root")
@@ -159,7 +157,7 @@ def test_a_tree_file_of_the_user_gives_the_places(tmp_path, capsys):
     assert f"grasp the box FAILURE  ({own}:" in said
 
 
-def test_a_tree_that_did_not_run_is_refused_with_the_nodes_that_differ(tmp_path, capsys):
+def test_different_tree_is_rejected_with_differing_nodes(tmp_path, capsys):
     other = tmp_path / "other.xml"
     text = Path(f"{import_log(FAILED, tmp_path)}.xml").read_text(encoding="utf-8")
     other.write_text(text.replace('name="grasp the box"', 'name="take the box"'), encoding="utf-8")
@@ -171,7 +169,7 @@ def test_a_tree_that_did_not_run_is_refused_with_the_nodes_that_differ(tmp_path,
     assert "node 10 is 'grasp the box' (Grasp) in the run, but 'take the box' (Grasp)" in said
 
 
-def test_a_truncated_log_is_read_as_far_as_it_goes(tmp_path, capsys):
+def test_truncated_log_is_read_to_its_end(tmp_path, capsys):
     log = tmp_path / "cut.btlog"
     log.write_bytes(FAILED.read_bytes()[:-4])
     status, said = answer(journal_command, ["import", log, "-o", tmp_path / "cut.journal"], capsys)
@@ -180,28 +178,28 @@ def test_a_truncated_log_is_read_as_far_as_it_goes(tmp_path, capsys):
     assert "175 status changes" in said
 
 
-def test_a_log_of_a_killed_program_ends_without_a_result(tmp_path, capsys):
+def test_log_of_killed_program_has_no_result(tmp_path, capsys):
     head, changes = parts_of(FAILED)
     log = tmp_path / "killed.btlog"
-    log.write_bytes(written(head, changes[:40]))
+    log.write_bytes(log_bytes(head, changes[:40]))
     _, said = answer(journal_command, ["why", import_log(log, tmp_path)], capsys)
     assert "The root has not failed." in said
 
 
-def test_a_tree_that_the_program_halts_has_one_run_before_and_one_after(tmp_path):
-    head, begun, later = halted_after_the_first_drive()
+def test_halted_tree_has_one_run_before_and_one_after(tmp_path):
+    head, begun, later = log_halted_after_first_drive()
     log = tmp_path / "halted.btlog"
-    log.write_bytes(written(head, [*begun, *later]))
+    log.write_bytes(log_bytes(head, [*begun, *later]))
     with JournalFile.open_snapshot(import_log(log, tmp_path)) as file:
         runs = file.runs()
     assert [(run.ending, run.status) for run in runs] == [(Ending.STOPPED, 1), (Ending.OVER, 0)]
 
 
-def test_ticks_without_a_pause_between_them_are_told_apart(tmp_path):
+def test_ticks_without_pause_between_them_are_distinguished(tmp_path):
     head, changes = parts_of(FAILED)
     log = tmp_path / "busy.btlog"
     log.write_bytes(
-        written(head, [(3 * place, uid, status) for place, (_, uid, status) in enumerate(changes)])
+        log_bytes(head, [(3 * place, uid, status) for place, (_, uid, status) in enumerate(changes)])
     )
 
     def ticks(journal):
@@ -214,16 +212,17 @@ def test_ticks_without_a_pause_between_them_are_told_apart(tmp_path):
     assert ticks(import_log(log, tmp_path)) == ticks(import_log(FAILED, tmp_path))
 
 
-def test_a_pause_within_a_tick_does_not_end_it(tmp_path):
+def test_pause_within_tick_does_not_end_it(tmp_path):
     head, changes = parts_of(FAILED)
     log = tmp_path / "slow.btlog"
-    # Nothing is RUNNING in a Sequence whose child has ended: the computer was busy with something else before the next one began.
+    # A Sequence whose child has ended has no RUNNING child: the computer was busy before the next child
+    # started.
     at = next(place for place, (_, uid, status) in enumerate(changes) if uid == 8 and status == 2)
     late = [
         (time + (3_000_000 if place > at else 0), uid, status)
         for place, (time, uid, status) in enumerate(changes)
     ]
-    log.write_bytes(written(head, late))
+    log.write_bytes(log_bytes(head, late))
     with (
         JournalFile.open_snapshot(import_log(log, tmp_path)) as file,
         JournalFile.open_snapshot(import_log(FAILED, tmp_path)) as known,
@@ -234,7 +233,7 @@ def test_a_pause_within_a_tick_does_not_end_it(tmp_path):
 
 
 def sqlite_log(log, path):
-    """Write a log as `SqliteLogger` does, with the tree and the changes of another one."""
+    """Write a log in the format of `SqliteLogger`, with the tree and the changes of another log."""
     head, changes = parts_of(log)
     (start,) = struct.unpack("<q", head[-8:])
     with closing(sqlite3.connect(path)) as file, file:
@@ -254,7 +253,7 @@ def sqlite_log(log, path):
     return path
 
 
-def test_a_log_of_the_sqlite_logger_tells_the_same(tmp_path, capsys):
+def test_sqlite_log_is_imported_like_binary_log(tmp_path, capsys):
     log = sqlite_log(FAILED, tmp_path / "run.db3")
     journal = import_log(log, tmp_path)
     _, said = answer(journal_command, ["why", journal, "--against", import_log(FAILED, tmp_path)], capsys)
@@ -277,7 +276,7 @@ def test_a_log_of_the_sqlite_logger_tells_the_same(tmp_path, capsys):
         ),
     ],
 )
-def test_a_damaged_sqlite_log_is_reported(change, reason, tmp_path, capsys):
+def test_damaged_sqlite_log_is_reported(change, reason, tmp_path, capsys):
     log = sqlite_log(FAILED, tmp_path / "run.db3")
     with closing(sqlite3.connect(log)) as file, file:
         file.execute(change)
@@ -285,7 +284,7 @@ def test_a_damaged_sqlite_log_is_reported(change, reason, tmp_path, capsys):
     assert (status, reason in said) == (0 if "rest" in reason else 2, True), said
 
 
-def test_a_sqlite_log_whose_schema_is_not_utf_8_is_reported(tmp_path, capsys):
+def test_sqlite_log_with_non_utf_8_schema_is_reported(tmp_path, capsys):
     log = sqlite_log(FAILED, tmp_path / "run.db3")
     log.write_bytes(log.read_bytes().replace(b"CREATE TABLE D", b"CREATE\xffTABLE D"))
     status, said = answer(journal_command, ["import", log, "-o", tmp_path / "run.journal"], capsys)
@@ -293,7 +292,7 @@ def test_a_sqlite_log_whose_schema_is_not_utf_8_is_reported(tmp_path, capsys):
 
 
 def bag_messages(log):
-    """Return the messages that Nav2 publishes of the ticks of a log; the pauses between its ticks are long."""
+    """Return the messages that Nav2 publishes for the ticks of a log, which long pauses separate."""
     (start,), changes = struct.unpack("<q", parts_of(log)[0][-8:]), parts_of(log)[1]
     names = {
         1: "deliver the box",
@@ -385,7 +384,7 @@ def write_bag(path, messages, lines=()):
 
 
 @pytest.mark.parametrize("form", [".mcap", ".db3"])
-def test_why_quotes_the_line_of_rosout_that_explains_the_failure_of_an_action(form, tmp_path, capsys):
+def test_why_quotes_rosout_line_that_explains_failure_of_action(form, tmp_path, capsys):
     (start,) = struct.unpack("<q", parts_of(FAILED)[0][-8:])
     failed = next(time for time, uid, status in reversed(parts_of(FAILED)[1]) if (uid, status) == (10, 3))
     end = (start + failed) / 1e6
@@ -406,7 +405,7 @@ def test_why_quotes_the_line_of_rosout_that_explains_the_failure_of_an_action(fo
 
 
 @pytest.mark.parametrize("form", [".mcap", ".db3"])
-def test_a_bag_of_nav2_is_imported_with_the_tree_that_fits(form, tmp_path, capsys):
+def test_nav2_bag_is_imported_with_matching_tree(form, tmp_path, capsys):
     known = import_log(FAILED, tmp_path)
     other = tmp_path / "other.xml"
     other.write_text(
@@ -428,7 +427,7 @@ def test_a_bag_of_nav2_is_imported_with_the_tree_that_fits(form, tmp_path, capsy
 
 
 @pytest.mark.parametrize("form", [".mcap", ".db3"])
-def test_a_damaged_bag_is_reported(form, tmp_path, capsys):
+def test_damaged_bag_is_reported(form, tmp_path, capsys):
     known = import_log(FAILED, tmp_path)
     first, second, *others = bag_messages(FAILED)
     bag = tmp_path / f"bag{form}"
@@ -443,7 +442,7 @@ def test_a_damaged_bag_is_reported(form, tmp_path, capsys):
     assert (status, "cannot be imported" in said) == (2, True), said
 
 
-def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, capsys):
+def test_existing_journal_and_tree_are_not_overwritten(tmp_path, capsys):
     journal = import_log(FAILED, tmp_path)
     status, said = answer(
         journal_command, ["import", FAILED, "-o", journal, "--tree", f"{journal}.xml"], capsys
@@ -469,7 +468,7 @@ def test_an_existing_journal_and_an_existing_tree_are_not_overwritten(tmp_path, 
         (MAGIC + b"\x01\x04\x00\x00\x00<a/>" + bytes(17), "the tree has no node numbers"),
     ],
 )
-def test_a_damaged_log_is_refused_with_the_place(data, reason, tmp_path, capsys):
+def test_damaged_log_is_rejected_with_location(data, reason, tmp_path, capsys):
     log = tmp_path / "bad.btlog"
     log.write_bytes(data)
     status, said = answer(journal_command, ["import", log, "-o", tmp_path / "bad.journal"], capsys)
@@ -480,7 +479,7 @@ def test_a_damaged_log_is_refused_with_the_place(data, reason, tmp_path, capsys)
 @pytest.mark.costly
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**32), log=st.sampled_from([FAILED, *LOGS]))
-def test_an_altered_log_is_imported_or_refused_without_a_traceback(seed, log, tmp_path_factory, capsys):
+def test_altered_log_is_imported_or_rejected_without_traceback(seed, log, tmp_path_factory, capsys):
     chance, data = random.Random(seed), bytearray(log.read_bytes())  # noqa: S311
     begin = chance.choice([0, len(MAGIC), data.rindex(b"</root>")])
     for _ in range(chance.randint(1, 12)):
@@ -501,26 +500,24 @@ def test_an_altered_log_is_imported_or_refused_without_a_traceback(seed, log, tm
     ("log", "assumption"),
     [("50359", ", if Compute writes a suitable value to 'k0'"), ("50355", ""), ("50389", "")],
 )
-def test_values_are_assumed_only_if_a_condition_needs_them_and_earlier_runs_are_replayed(
-    log, assumption, tmp_path, capsys
-):
+def test_values_are_assumed_only_if_needed_and_earlier_runs_are_replayed(log, assumption, tmp_path, capsys):
     journal = import_log(Path(f"tests/importing/logs/{log}.btlog"), tmp_path)
     _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
     assert f"conforms: it is a possible run of the tree{assumption}\n" in said
 
 
 @pytest.mark.parametrize(("log", "at"), [("50355", 4), ("50389", 5)])
-def test_a_memory_that_no_possible_earlier_run_explains_does_not_conform(log, at, tmp_path, capsys):
+def test_impossible_memory_of_earlier_runs_does_not_conform(log, at, tmp_path, capsys):
     head, changes = parts_of(Path(f"tests/importing/logs/{log}.btlog"))
     time, uid, status = changes[at]
     altered = tmp_path / "altered.btlog"
-    altered.write_bytes(written(head, [*changes[:at], (time, uid, 5 - status), *changes[at + 1 :]]))
+    altered.write_bytes(log_bytes(head, [*changes[:at], (time, uid, 5 - status), *changes[at + 1 :]]))
     journal = import_log(altered, tmp_path)
     _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
     assert "does not conform" in said
 
 
-def halted_after_the_first_drive():
+def log_halted_after_first_drive():
     """Return a log whose program halts the tree in its first drive, and then ticks it to its end."""
     head, changes = parts_of(DONE)
     # Up to the first drive: BatteryOk is reset in each tick, the root and the drive run.
@@ -532,13 +529,13 @@ def halted_after_the_first_drive():
     return head, begun, [*halted, *later]
 
 
-def test_a_run_is_compared_alone_with_an_assumption_if_an_earlier_one_is_impossible(tmp_path, capsys):
-    head, begun, later = halted_after_the_first_drive()
+def test_run_is_compared_alone_if_earlier_run_is_impossible(tmp_path, capsys):
+    head, begun, later = log_halted_after_first_drive()
     for is_altered in (False, True):
-        # BatteryOk fails, and the tree goes on.
+        # In the altered log, BatteryOk fails, and the tree continues.
         first = [(time, uid, 3 if status == 2 and is_altered else status) for time, uid, status in begun]
         log = tmp_path / f"{is_altered}.btlog"
-        log.write_bytes(written(head, [*first, *later]))
+        log.write_bytes(log_bytes(head, [*first, *later]))
         journal = import_log(log, tmp_path)
         _, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
         assumed = (
@@ -550,23 +547,23 @@ def test_a_run_is_compared_alone_with_an_assumption_if_an_earlier_one_is_impossi
 
 
 @pytest.mark.parametrize("log", LOGS[::6], ids=lambda log: log.stem)
-def test_changes_of_nodes_that_the_tree_lacks_are_ignored(log, tmp_path):
+def test_changes_of_unknown_nodes_are_ignored(log, tmp_path):
     head, changes = parts_of(log)
     others = tmp_path / "others.btlog"
     others.write_bytes(
-        written(head, [each for change in changes for each in ((change[0], 60_000, 0), change)])
+        log_bytes(head, [each for change in changes for each in ((change[0], 60_000, 0), change)])
     )
     import_log(others, tmp_path)
 
 
 @pytest.mark.parametrize("tenth", range(10))
-def test_a_run_with_an_altered_outcome_does_not_conform(tenth, tmp_path, capsys):
+def test_run_with_altered_outcome_does_not_conform(tenth, tmp_path, capsys):
     head, changes = parts_of(FAILED if tenth % 2 else DONE)
     ends = [place for place, (_, uid, status) in enumerate(changes) if uid > 1 and status in (2, 3)]
     at = ends[len(ends) * tenth // 10]
     time, uid, status = changes[at]
     log = tmp_path / "altered.btlog"
-    log.write_bytes(written(head, [*changes[:at], (time, uid, 5 - status), *changes[at + 1 :]]))
+    log.write_bytes(log_bytes(head, [*changes[:at], (time, uid, 5 - status), *changes[at + 1 :]]))
     journal = import_log(log, tmp_path)
     status, said = answer(compile_command, ["conform", f"{journal}.xml", journal], capsys)
     assert (status, "does not conform" in said) == (1, True)
@@ -576,11 +573,12 @@ NAV2 = Path(__file__).with_name("nav2")
 
 
 def nav2_messages():
-    """Return the messages of `behavior_tree_log` and of `/rosout` that Nav2 1.3.13 has published for four goals.
+    """Return the messages of `behavior_tree_log` and of `/rosout` that Nav2 1.3.13 published for four goals.
 
-    The file contains a line `message COUNT` for each message of `behavior_tree_log`, followed by its changes (microseconds, node and status), and
-    a line `line` for each message of `/rosout` (microseconds, level, logger and text). The first message begins with the end of another goal.
-    The four goals are: a goal that succeeds, one in an obstacle, one that is cancelled during the drive, and again one in an obstacle.
+    The file contains a line `message COUNT` for each message of `behavior_tree_log`, followed by its changes
+    (microseconds, node and status), and a line `line` for each message of `/rosout` (microseconds, level,
+    logger and text). The first message begins with the end of another goal. The four goals are: a goal that
+    succeeds, one in an obstacle, one that is canceled during the drive, and again one in an obstacle.
     """
     names = ["", *re.findall(r'name="([^"]*)"', (NAV2 / "goals.xml").read_text(encoding="utf-8"))]
     rows = iter((NAV2 / "goals.txt").read_text(encoding="utf-8").splitlines())
@@ -609,8 +607,8 @@ def nav2_bag(tmp_path):
     return bag
 
 
-def explained_goal(number, tmp_path, capsys):
-    """Return what is said of one of Nav2's goals: why it ended, and whether it is a possible run of the tree."""
+def why_goal_ended(number, tmp_path, capsys):
+    """Return the output of `why` for one of Nav2's goals, after checking that its run conforms."""
     words = ["--tree", str(NAV2 / "goals.xml"), *(["--run", str(number)] if number else [])]
     journal = import_log(nav2_bag(tmp_path), tmp_path, *words)
     _, said = answer(journal_command, ["why", journal], capsys)
@@ -621,7 +619,7 @@ def explained_goal(number, tmp_path, capsys):
     return said
 
 
-def test_each_goal_of_nav2_is_a_run_of_its_own(tmp_path, capsys):
+def test_each_nav2_goal_is_separate_run(tmp_path, capsys):
     words = ["import", nav2_bag(tmp_path), "-o", tmp_path / "j", "--tree", NAV2 / "goals.xml"]
     status, said = answer(journal_command, words, capsys)
     assert status == 0, said
@@ -637,8 +635,8 @@ def test_each_goal_of_nav2_is_a_run_of_its_own(tmp_path, capsys):
     assert (status, "has no run 5: its last run is run 4" in said) == (2, True), said
 
 
-def test_the_end_of_a_goal_that_nav2_publishes_with_the_next_goal_is_explained(tmp_path, capsys):
-    said = explained_goal(2, tmp_path, capsys)
+def test_end_of_goal_published_with_next_goal_is_explained(tmp_path, capsys):
+    said = why_goal_ended(2, tmp_path, capsys)
     cause = (
         'plan FAILURE, planner_server: "GridBased plugin failed to plan from (-1.18, 1.44) to (2.00, 0.00)'
     )
@@ -646,14 +644,14 @@ def test_the_end_of_a_goal_that_nav2_publishes_with_the_next_goal_is_explained(t
     assert cause in said[said.index("The root has failed") :]
 
 
-def test_a_goal_that_was_cancelled_is_no_failure_of_a_leaf(tmp_path, capsys):
-    said = explained_goal(3, tmp_path, capsys)
+def test_canceled_goal_is_not_failure_of_leaf(tmp_path, capsys):
+    said = why_goal_ended(3, tmp_path, capsys)
     assert said.startswith("stopped: the goal was canceled")
     assert "FAILURE" not in said
 
 
-def test_a_goal_whose_last_tick_is_missing_has_failed_as_nav2_has_logged(tmp_path, capsys):
-    said = explained_goal(None, tmp_path, capsys)
+def test_goal_without_last_tick_has_failed_according_to_nav2_log(tmp_path, capsys):
+    said = why_goal_ended(None, tmp_path, capsys)
     assert said.startswith(
         "FAILED: Nav2 has reported 'Goal failed'. planner_server: \"GridBased plugin failed to plan"
     )
@@ -661,7 +659,7 @@ def test_a_goal_whose_last_tick_is_missing_has_failed_as_nav2_has_logged(tmp_pat
     assert said.count("(-1.17, 1.41)") == 2
 
 
-def test_a_bag_that_has_only_the_log_of_a_goal_says_what_to_record(tmp_path, capsys):
+def test_bag_with_only_log_of_goal_is_rejected_with_what_to_record(tmp_path, capsys):
     bag = tmp_path / "bag.db3"
     write_bag(bag, [], nav2_messages()[1])
     status, said = answer(
@@ -673,7 +671,7 @@ def test_a_bag_that_has_only_the_log_of_a_goal_says_what_to_record(tmp_path, cap
     )
 
 
-def test_a_recording_that_ends_before_the_run_is_no_crash(tmp_path, capsys):
+def test_recording_that_ends_before_run_is_not_crash(tmp_path, capsys):
     bag = tmp_path / "bag.db3"
     write_bag(bag, nav2_messages()[0])
     journal = import_log(bag, tmp_path, "--tree", str(NAV2 / "goals.xml"))
@@ -681,7 +679,7 @@ def test_a_recording_that_ends_before_the_run_is_no_crash(tmp_path, capsys):
     assert said.startswith("stopped: the recording ends before the end of the run")
 
 
-def test_a_recording_that_begins_in_the_middle_of_a_run_is_reported(tmp_path, capsys):
+def test_recording_that_begins_in_middle_of_run_is_reported(tmp_path, capsys):
     bag = tmp_path / "bag.db3"
     write_bag(bag, nav2_messages()[0][1:4])
     words = ["import", bag, "-o", tmp_path / "j", "--tree", NAV2 / "goals.xml"]

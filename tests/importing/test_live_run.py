@@ -1,4 +1,4 @@
-"""Runs of other programs, shown while they go on."""
+"""Tests of following runs of other programs live."""
 
 import signal
 from contextlib import closing
@@ -33,8 +33,8 @@ class Publisher:
         return waiting
 
 
-def followed(messages, tree, journal=None):
-    """Return the entries of a run whose messages come one by one."""
+def follow_run(messages, tree, journal=None):
+    """Return the entries of a run whose messages arrive one by one."""
     publisher = Publisher()
     run = LiveRun(publisher.source, "log", Workspace(), [tree], journal=journal)
     entries = []
@@ -51,8 +51,8 @@ def tree(tmp_path):
     return tmp_path / "delivery_failed.journal.xml"
 
 
-def test_a_topic_that_is_followed_has_the_entries_of_its_bag(tree):
-    entries = followed(bag_messages(FAILED), tree)
+def test_followed_topic_has_entries_of_its_bag(tree):
+    entries = follow_run(bag_messages(FAILED), tree)
     with JournalFile.open_snapshot(tree.with_suffix("")) as file:
         statuses = [each.data for each in file.observations(STATUS)]
     assert entries[0].kind == RUN_BEGAN
@@ -60,8 +60,8 @@ def test_a_topic_that_is_followed_has_the_entries_of_its_bag(tree):
     assert entries[-1].data["reason"] == "the tree returned FAILURE"
 
 
-def test_a_topic_that_is_followed_can_be_kept_in_a_journal_like_that_of_its_bag(tree, tmp_path):
-    entries = followed(bag_messages(FAILED), tree, tmp_path / "kept.journal")
+def test_followed_topic_is_recorded_like_its_bag(tree, tmp_path):
+    entries = follow_run(bag_messages(FAILED), tree, tmp_path / "kept.journal")
     with JournalFile.open_snapshot(tmp_path / "kept.journal") as file:
         kept = [(each.kind, each.data) for each in file.last_run() if each.kind in (STATUS, RUN_ENDED)]
     assert kept[:-1] == [(each.kind, each.data) for each in entries if each.kind == STATUS]
@@ -69,17 +69,17 @@ def test_a_topic_that_is_followed_can_be_kept_in_a_journal_like_that_of_its_bag(
     assert kept[-1][1]["reason"] == "the tree returned FAILURE"
 
 
-def test_a_run_that_is_followed_to_a_point_before_its_end_is_stopped_in_its_journal(tree, tmp_path):
+def test_run_followed_only_in_part_is_stopped_in_journal(tree, tmp_path):
     first, *_ = bag_messages(FAILED)
-    followed([first], tree, tmp_path / "kept.journal")
+    follow_run([first], tree, tmp_path / "kept.journal")
     with JournalFile.open_snapshot(tmp_path / "kept.journal") as file:
         [ended] = [each.data for each in file.last_run() if each.kind == RUN_ENDED]
     assert (ended["ending"], ended["reason"]) == ("stopped", "the recording was stopped")
 
 
-def test_the_ancestors_of_a_node_run_if_the_log_begins_in_the_middle(tree):
+def test_ancestors_of_running_node_run_if_log_begins_in_middle(tree):
     _, *later = bag_messages(FAILED)
-    began, *entries = followed(later, tree)
+    began, *entries = follow_run(later, tree)
     shown: dict[int, str] = {}
     for each in entries[:-1]:
         shown.setdefault(each.data["node"], each.data["status"])
@@ -87,18 +87,18 @@ def test_the_ancestors_of_a_node_run_if_the_log_begins_in_the_middle(tree):
     assert shown[0] == "RUNNING"
 
 
-def test_another_tree_is_refused_as_soon_as_a_name_differs(tree):
+def test_different_tree_is_rejected_at_first_differing_name(tree):
     text = tree.read_text(encoding="utf-8").replace("grasp the box", "take the box")
     tree.write_text(text, encoding="utf-8")
     with pytest.raises(UnusableRecordingError, match="node 10 is 'grasp the box' in the run"):
-        followed(bag_messages(FAILED), tree)
+        follow_run(bag_messages(FAILED), tree)
 
 
 def statuses(entries):
     return [(each.data["node"], each.data["status"]) for each in entries if each.kind == STATUS]
 
 
-def test_a_program_with_groot2s_publisher_is_followed_from_the_statuses_that_it_has(tmp_path):
+def test_groot2_publisher_is_followed_from_its_current_statuses(tmp_path):
     path = tmp_path / "tree.xml"
     write(
         path,
@@ -129,28 +129,28 @@ def test_a_program_with_groot2s_publisher_is_followed_from_the_statuses_that_it_
     assert (ended[0].data["ending"], after) == ("over", [])
 
 
-def test_a_missing_program_is_reported_with_the_class_that_serves_the_protocol():
+def test_missing_program_is_reported_with_publisher_class():
     with pytest.raises(UnusableRecordingError, match=r"no program responds at .*Groot2Publisher"):
         Groot2Source(f"127.0.0.1:{free_port()}")
 
 
-def test_an_address_without_a_port_is_refused():
+def test_address_without_port_is_rejected():
     with pytest.raises(UnusableRecordingError, match="robot is not HOST:PORT"):
         Groot2Source("robot")
 
 
-def test_a_goal_of_nav2_ends_on_the_page_as_soon_as_nav2_has_logged_its_end(tmp_path):
+def test_nav2_goal_ends_as_soon_as_nav2_has_logged_its_end(tmp_path):
     messages, lines = nav2_messages()
     failed = next(each for each in lines if b"Goal failed" in each)
     known, _ = (NAV2 / "goals.txt").read_text(encoding="utf-8").split("Goal failed", 1)
     published = known.count("message ")
     queues: dict[str, list[bytes]] = {"messages": [], "lines": []}
 
-    def taken(name):
+    def take_queue(name):
         found, queues[name] = queues[name], []
         return found
 
-    source = TopicSource(lambda: taken("messages"), lambda: taken("lines"))
+    source = TopicSource(lambda: take_queue("messages"), lambda: take_queue("lines"))
     run = LiveRun(source, "log", Workspace(), [NAV2 / "goals.xml"], journal=tmp_path / "kept.journal")
 
     def ends():
@@ -169,7 +169,7 @@ def test_a_goal_of_nav2_ends_on_the_page_as_soon_as_nav2_has_logged_its_end(tmp_
         assert [each.reason for each in file.runs()][1] == "the tree returned FAILURE"
 
 
-def test_a_run_that_is_watched_is_ended_in_its_journal_if_the_command_is_terminated(tmp_path):
+def test_watched_run_is_ended_in_journal_if_command_is_terminated(tmp_path):
     path = tmp_path / "tree.xml"
     write(path, *main('<Queue name="a" answers="RRRR"/>'), main="Main")
     compiled = sar_compiler.load(path, nodes=[Queue]).compile(context={Clock: ManualClock()})
