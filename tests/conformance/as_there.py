@@ -1,7 +1,7 @@
-"""What BehaviorTree.CPP does where this project differs on purpose.
+"""The behaviour of BehaviorTree.CPP in which this project differs on purpose.
 
-A run that differs is replayed once more with one of these habits: if it is the same then, the difference comes from
-that habit, with all that follows from it, and from nothing else.
+A run that differs is replayed again with one of these habits. If it is then the same, the difference comes
+from that habit and its consequences, and from nothing else.
 """
 
 import itertools
@@ -43,12 +43,12 @@ _WHOLE = re.compile(r"-?[0-9]+")
 
 @dataclass(frozen=True)
 class Habit:
-    """Something that BehaviorTree.CPP does, and this project does not.
+    """A behaviour of BehaviorTree.CPP that this project does not have.
 
     Attributes:
-        reason: What it is, in a line.
-        may_show: Says whether a case can show it.
-        taken_on: Makes this project do it as well, for as long as the context lasts.
+        reason: A description, in a line.
+        may_show: Returns whether a case can show it.
+        taken_on: Gives this project the habit for as long as the context lasts.
     """
 
     reason: str
@@ -57,7 +57,7 @@ class Habit:
 
 
 def reset(behaviour: Behaviour) -> None:
-    """Bring a node back to rest: halt it if it is running, else only forget how it ended."""
+    """Return a node to rest: halt it if it is running, otherwise only reset its outcome."""
     if behaviour.status == Status.RUNNING:
         behaviour.stop(Status.INVALID)
     else:
@@ -65,7 +65,7 @@ def reset(behaviour: Behaviour) -> None:
 
 
 def halt_tree(root: Behaviour) -> None:
-    """Halt the root, and bring every node to rest that this does not reach."""
+    """Halt the root, and reset every node that this does not reach."""
     root.stop(Status.INVALID)
     for node in root.iterate():
         reset(node)
@@ -80,7 +80,7 @@ def habits_of(case: Case) -> Iterator[tuple[Habit, ...]]:
 
 @contextmanager
 def taken_on(habits: tuple[Habit, ...]) -> Iterator[None]:
-    """Make this project do as BehaviorTree.CPP does, in some respects."""
+    """Give this project some habits of BehaviorTree.CPP."""
     with ExitStack() as stack:
         for habit in habits:
             stack.enter_context(habit.taken_on())
@@ -184,7 +184,7 @@ def _precondition_asked_once() -> Iterator[None]:
 
 
 class _AnyType:
-    """The type of an entry that SetBlackboard wrote: no text can become one of it."""
+    """The type of an entry that SetBlackboard wrote: no string can be converted to it."""
 
 
 @contextmanager

@@ -1,6 +1,6 @@
-"""Where this project differs from BehaviorTree.CPP on purpose, recognised by what happens.
+"""Intended differences from BehaviorTree.CPP, recognized by their symptoms.
 
-What does not end with the tick in which it shows is in `as_there`.
+Differences that last beyond the tick in which they show are in `as_there`.
 """
 
 import re
@@ -17,13 +17,13 @@ from sar_compiler.tree.xml import parse_xml
 
 
 class Refusal(NamedTuple):
-    """A finding because of which a tree is refused here.
+    """A finding because of which a tree is rejected here.
 
     Attributes:
-        line: Where it stands.
-        column: Where it stands there.
+        line: Its line.
+        column: Its column.
         code: Its code.
-        message: What it says.
+        message: Its message.
     """
 
     line: int
@@ -34,15 +34,15 @@ class Refusal(NamedTuple):
 
 @dataclass(frozen=True)
 class Difference:
-    """What first differs in a run.
+    """The first difference in a run.
 
     Attributes:
-        run: The run, as BehaviorTree.CPP had it.
-        tick: The tick, from 0; -1 if the tree was refused, or should have been.
+        run: The run, as BehaviorTree.CPP recorded it.
+        tick: The tick, from 0; -1 if the tree was rejected, or should have been.
         what: What differs: refused, accepted, events, root, or the path and key of an entry.
-        expected: What BehaviorTree.CPP had.
-        seen: What there is here; of a tree that was accepted, the codes of its findings.
-        error: What was raised here.
+        expected: The value of BehaviorTree.CPP.
+        seen: The value here; for a tree that was accepted, the codes of its findings.
+        error: The error that was raised here.
     """
 
     run: Mapping[str, Any]
@@ -53,7 +53,7 @@ class Difference:
     error: str = ""
 
     def __str__(self) -> str:
-        """Say it in a line."""
+        """Return the difference as one line."""
         if self.what == "refused":
             return f"refused here: {_line(self.seen)}"
         if self.what == "accepted":
@@ -63,19 +63,19 @@ class Difference:
 
     @property
     def exception(self) -> str:
-        """What was raised there in that tick."""
+        """The exception that BehaviorTree.CPP raised in that tick."""
         ticks = self.run.get("ticks", ())
         return str(ticks[self.tick].get("exception", "")) if 0 <= self.tick < len(ticks) else ""
 
     @property
     def refusals(self) -> list[Refusal]:
-        """What was found here."""
+        """The findings that were reported here."""
         found = _FINDING.findall(self.seen) if self.what == "refused" else []
         return [Refusal(int(line), int(column), code, message) for line, column, code, message in found]
 
     @property
     def exceptions(self) -> Iterator[str]:
-        """What was raised there in all the run."""
+        """The exceptions that BehaviorTree.CPP raised in the whole run."""
         return (str(tick.get("exception", "")) for tick in self.run.get("ticks", ()))
 
 
@@ -101,7 +101,7 @@ _NO_DEFAULT = {
 
 
 def deviation(case: Case, difference: Difference) -> str | None:
-    """Return why a difference is intended; None if it is not. Of a refusal, each finding must be."""
+    """Return why a difference is intended, or None. For a rejection, each finding must be intended."""
     if difference.what != "refused":
         return next((reason for reason, applies in _RULES if applies(case, difference)), None)
     reasons = [
@@ -113,7 +113,7 @@ def deviation(case: Case, difference: Difference) -> str | None:
 
 
 def _refused_before(case: Case, difference: Difference, refusal: Refusal) -> bool:
-    """Whether the very node of a finding raised there; for a script around a node, its parent is blamed."""
+    """Return whether the node of a finding raised an error there; a script's error names its parent."""
     nodes = _nodes_at(case, refusal)
     if not refusal.message.startswith("_"):
         nodes = nodes[-1:]
@@ -122,7 +122,7 @@ def _refused_before(case: Case, difference: Difference, refusal: Refusal) -> boo
 
 
 def _nodes_at(case: Case, refusal: Refusal) -> list[Element]:
-    """Return the element that a finding is about, with its parent before it."""
+    """Return the element of a finding, preceded by its parent."""
     try:
         root = parse_xml(case["xml"]).root
     except TreeError:
@@ -136,7 +136,7 @@ def _nodes_at(case: Case, refusal: Refusal) -> list[Element]:
 
 
 def _is_called(element: Element, name: str, tag: str) -> bool:
-    """Whether an element is the node that BehaviorTree.CPP calls so; without a name of its own, a node has a number."""
+    """Return whether BehaviorTree.CPP gives an element this name; a node without a name has a number."""
     own = element.attributes.get("ID", "") if element.tag in _KIND_TAGS else element.tag
     given = element.attributes.get("name", own)
     return own == tag and (name == given if given != own else name.startswith(f"{own}::"))
@@ -156,14 +156,17 @@ def _front_of_literal(_: Case, __: Difference, refusal: Refusal) -> bool:
 
 
 def _front_of_entry(_: Case, difference: Difference) -> bool:
-    """Whether a port could not read a text here, and there only its front."""
+    """Return whether a port could not read a string here, and read only its beginning there."""
     return difference.expected != "EXCEPTION" and bool(
         re.search(r"\{\w+\}: " + _FRONT.pattern, difference.error)
     )
 
 
 def _types_of_a_key(case: Case, difference: Difference) -> bool:
-    """Whether types were refused that may not share a key here either, with a warning unless the file does not show both."""
+    """Return whether types were rejected that may not share a key here either.
+
+    Here this is a warning, unless the file does not show both types.
+    """
     if difference.what != "accepted":
         return False
     match = _TYPES.search(difference.expected) or _DECLARED.search(difference.expected)
@@ -173,14 +176,14 @@ def _types_of_a_key(case: Case, difference: Difference) -> bool:
 
 
 def _text_by_root_key(_: Case, difference: Difference) -> bool:
-    """Whether a text came first through a key of the main tree that subtrees are given."""
+    """Return whether a string came first through a key of the main tree that subtrees receive."""
     match = _DECLARED.search(difference.expected) if difference.what == "accepted" else None
     is_text = match is not None and normalize(match.group(1)) == TEXT
     return is_text and "Blackboard entry [@" in difference.expected
 
 
 def _set_over_another(_: Case, difference: Difference) -> bool:
-    """Whether a number could not be written there to an entry that was first named by a port of another plain type."""
+    """Return whether a number was rejected there because a port of another plain type declared the entry."""
     match = _DECLARED.search(difference.exception)
     if match is None:
         return False
@@ -189,7 +192,10 @@ def _set_over_another(_: Case, difference: Difference) -> bool:
 
 
 def _never_reached(case: Case, difference: Difference, refusal: Refusal) -> bool:
-    """Whether a count out of reach is refused of a node that was never ticked there; there, it raises before it ticks a child."""
+    """Return whether an unreachable count is rejected in a node that was never ticked there.
+
+    BehaviorTree.CPP raises such an error before the node ticks a child.
+    """
     below = {each.attributes.get("id") for node in _nodes_at(case, refusal)[-1:] for each in node.iterate()}
     ticked = {event[1] for tick in difference.run.get("ticks", ()) for event in tick.get("events", ())}
     return refusal.code == "out-of-reach" and not below & ticked
@@ -205,7 +211,7 @@ def _loop_over_another(_: Case, difference: Difference) -> bool:
 
 
 def _no_delay(case: Case, difference: Difference) -> bool:
-    """Whether a delay of nothing was over in its first tick there, or not over yet in a later one."""
+    """Return whether a delay of zero expired in its first tick there, or had not expired in a later one."""
     if difference.tick < 0 or "period_ms" not in case:
         return False
     more = difference.expected.count("tick ") > difference.seen.count("tick ")
@@ -230,7 +236,7 @@ def _statuses(status: Mapping[str, str], element: Element) -> list[str]:
 
 
 def _sleep_cut_short(case: Case, difference: Difference) -> bool:
-    """Whether a sleep that was halted and started anew between two ticks ended earlier there than here."""
+    """Return whether a sleep that was halted and restarted between two ticks ended earlier there."""
     halted = any(tick <= difference.tick for tick in case.get("halt_before", ()))
     more = difference.expected.count("tick ") > difference.seen.count("tick ")
     sooner = difference.what == "root" and difference.seen == "RUNNING"
@@ -274,7 +280,7 @@ def _root_key_made(case: Case, difference: Difference) -> bool:
 
 
 def _name_alone(case: Case, difference: Difference) -> bool:
-    """Whether a script says nothing but the name of an entry that nobody has written, as one of its statements."""
+    """Return whether a statement of a script is only the name of an entry that no node has written."""
     match = _NO_VARIABLE.search(difference.error)
     return match is not None and bool(re.search(rf"[\";] *{match.group(1)} *[\";]", case["xml"]))
 

@@ -1,4 +1,4 @@
-"""The leaves of the traces: they do what the file says, and tell what was done with them."""
+"""The leaves of the traces: they return the outcomes of the file, and record their events."""
 
 from dataclasses import dataclass, field
 
@@ -23,18 +23,18 @@ def _nothing() -> "Events":
 @mission_context(preview=_nothing)
 @dataclass
 class Events:
-    """What happened, in order."""
+    """The events, in order."""
 
     happened: list[Event] = field(default_factory=list)
 
     def take(self) -> list[Event]:
-        """Return what happened since the last call."""
+        """Return the events since the last call."""
         taken, self.happened = self.happened, []
         return taken
 
 
 class ScriptedError(Exception):
-    """What a leaf throws because its file says so."""
+    """The error that a leaf raises if its file requests it."""
 
 
 class _Answering(SkippableLeaf):
@@ -74,7 +74,7 @@ class _Answering(SkippableLeaf):
 
 @register("Scripted", kind=Kind.ACTION, outcomes=_ALL)
 class Scripted(_Answering):
-    """Answers one status of a list at each tick."""
+    """Returns one status of a list at each tick."""
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class Scripted(_Answering):
 
 @register("Cond", kind=Kind.CONDITION, outcomes=_ALL)
 class Cond(_Answering):
-    """As Scripted, but a condition: nobody hears of it when one is halted."""
+    """Returns statuses as Scripted does, but is a condition, and records no halt."""
 
     def __init__(
         self,
@@ -128,7 +128,7 @@ class _Showing(Behaviour):
 
 @register("Show", kind=Kind.ACTION, outcomes={Status.SUCCESS, Status.FAILURE})
 class Show(_Showing):
-    """Shows what its port holds, whatever that is."""
+    """Records the value of its port, which may have any type."""
 
     def __init__(self, name: str, id_: Input[str], value: Input[object], events: Events) -> None:
         super().__init__(name, id_, value, events)
@@ -136,7 +136,7 @@ class Show(_Showing):
 
 @register("ShowS", kind=Kind.ACTION, outcomes={Status.SUCCESS, Status.FAILURE})
 class ShowS(_Showing):
-    """Shows what its port holds, which is a text."""
+    """Records the value of its port, which is a string."""
 
     def __init__(self, name: str, id_: Input[str], value: Input[str], events: Events) -> None:
         super().__init__(name, id_, value, events)

@@ -1,7 +1,8 @@
 """Replays traces of BehaviorTree.CPP: `python tests/conformance/replay.py CASES.json`.
 
-Prints one line for each case that differs, with what differs first, and last `N same, M differ`. Exit status 0
-if all that differ are on the list of deviations (`tests/conformance/deviations.py`), 1 if not, 2 for wrong usage.
+Prints one line for each case that differs, with its first difference, and last `N same, M differ`. Exit
+status 0 if all differences are on the list of deviations (`tests/conformance/deviations.py`), 1 if not, 2 for
+wrong usage.
 """
 
 import dataclasses
@@ -20,7 +21,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 if __name__ == "__main__":
-    # Run as a file: the folder of the tests is not on the path then, and a habit puts another node in the place of one of the kernel's.
+    # As a script, this has no tests folder on its path, and a habit replaces a node of the kernel, which only
+    # the Python kernel permits.
     os.environ["SAR_KERNEL"] = "python"
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -46,7 +48,7 @@ _WORDS = {"S": "SUCCESS", "F": "FAILURE", "R": "RUNNING", "K": "SKIPPED", "X": "
 _SHORT_LEAF = re.compile(r"\b(\w)\((\w+)(\*?)\)")
 _SKIPS = re.compile(r'outcomes="[^"]*K')
 
-# A sleep takes a little longer than it was asked for.
+# A sleep takes slightly longer than requested.
 _LATE_SEC = 0.0001
 _USAGE = 2
 
@@ -59,7 +61,7 @@ class Compiled:
         root: Its root.
         board: Its entries.
         scopes: The scope of each tree instance by its path; the main tree's by its ID.
-        events: What its leaves tell.
+        events: The events of its leaves.
     """
 
     root: Behaviour
@@ -70,13 +72,13 @@ class Compiled:
 
 @dataclass(frozen=True)
 class Seen:
-    """What one tick of ours did.
+    """The result of one tick here.
 
     Attributes:
-        root: The root's status; EXCEPTION if something was raised.
-        events: What happened.
+        root: The root's status; EXCEPTION if an error was raised.
+        events: The events.
         blackboards: The entries of each tree instance.
-        error: What was raised.
+        error: The error that was raised.
     """
 
     root: str
@@ -89,16 +91,17 @@ def cases_of(path: Path) -> list[Case]:
     """Read a file of cases.
 
     Raises:
-        OSError, ValueError, KeyError: If it is none.
+        OSError, ValueError, KeyError: If it is not a file of cases.
     """
     cases = json.loads(path.read_text(encoding="utf-8"))["cases"]
     return [case if "xml" in case else _written_out(case) for case in cases]
 
 
 def _written_out(short: Case) -> Case:
-    """Return a case as the others are of one that is written in short.
+    """Return the full form of a case that is written in short form.
 
-    A leaf is `a(SFR)`, with a star if it begins anew with each start; a tick is `R: a=S halt b`, the root's outcome first.
+    A leaf is `a(SFR)`, with a star if it begins anew with each start; a tick is `R: a=S halt b`, the root's
+    outcome first.
     """
     ticks = short["ticks"]
     runs = ticks if isinstance(ticks, dict) else {"once": ticks}
@@ -135,8 +138,8 @@ def compile_case(xml: str, bb: Mapping[str, object], enums: Mapping[str, int], c
 
     Args:
         xml: The tree file.
-        bb: What is on the blackboard before the first tick.
-        enums: The names that stand for numbers.
+        bb: The blackboard before the first tick.
+        enums: The names of numbers.
         clock: The time.
     """
     binding = bind_main(Forest.from_file(parse_xml(xml)), _registry(may_skip=_SKIPS.search(xml) is not None))
@@ -148,10 +151,10 @@ def compile_case(xml: str, bb: Mapping[str, object], enums: Mapping[str, int], c
 
 @functools.cache
 def _registry(*, may_skip: bool) -> Registry:
-    """Return everything installed, and the leaves of the traces.
+    """Return all installed nodes, and the leaves of the traces.
 
-    Where no leaf skips they are registered so, and the tree is made of py_trees' own classes as far as these
-    go; they have to keep to the trace as well.
+    If no leaf skips, the leaves are registered without SKIPPED, and the tree is made of py_trees' own classes
+    as far as possible, which must match the trace as well.
     """
     registry = Registry(load_registry(palettes=["nav2:main"]).specs())
     module = Registry()
@@ -171,7 +174,7 @@ def replay(case: Case) -> Iterator[Difference]:
 
 
 def reason_for(case: Case, difference: Difference) -> str | None:
-    """Return why a difference is intended: it is recognised, or it goes away with habits of BehaviorTree.CPP's."""
+    """Return why a difference is intended: it is recognized, or disappears with BehaviorTree.CPP's habits."""
     reason = deviation(case, difference)
     if reason is not None or difference.tick < 0:
         return reason
@@ -187,7 +190,7 @@ def reason_for(case: Case, difference: Difference) -> str | None:
 def _runs(case: Case) -> Iterator[Run]:
     yield from case["runs"]
     if case.get("modes_equal") and "period_ms" not in case:
-        # With time between ticks, only one mode was tried.
+        # If time passes between ticks, only one mode was recorded.
         (run,) = case["runs"]
         yield {**run, "mode": "exactly_once" if run["mode"] == "once" else "once"}
 
@@ -199,7 +202,7 @@ def _first_difference(case: Case, run: Run) -> Difference | None:
     except Exception as error:  # noqa: BLE001 - a refusal is an answer, whatever it is
         return None if _is_refused(run) else Difference(run, -1, "refused", "", str(error))
     if "create_exception" in run:
-        # What BehaviorTree.CPP refuses may also be refused when it is ticked.
+        # A tree that BehaviorTree.CPP rejects may also be rejected when it is ticked.
         seen = next(_ticks(case, run, compiled, clock), None)
         if seen is not None and seen.root == "EXCEPTION":
             return None
@@ -220,7 +223,7 @@ def _findings_of(xml: str) -> str:
 
 
 def _is_refused(run: Run) -> bool:
-    """Whether BehaviorTree.CPP does not get beyond the first tick of a run, before any leaf is ticked."""
+    """Return whether BehaviorTree.CPP fails in or before the first tick of a run, before it ticks a leaf."""
     if "create_exception" in run:
         return True
     first = run["ticks"][0]
@@ -289,9 +292,10 @@ def _compare(run: Run, index: int, expected: Mapping[str, Any], seen: Seen) -> D
 
 
 def _in_order(expected: list[Event], seen: list[Event]) -> tuple[list[Said], list[Said]]:
-    """Return the events of a tick whose order counts.
+    """Return the events of a tick whose order matters.
 
-    What a timer does there between two ticks ("async") happens here in the later one, perhaps after others.
+    An event of a timer between two ticks there ("async") happens here in the later tick, possibly after
+    others.
     """
     wanted = [_comparable(event) for event in expected if event[-1] != _ASYNC]
     happened = [_comparable(event) for event in seen]
@@ -306,7 +310,7 @@ def _in_order(expected: list[Event], seen: list[Event]) -> tuple[list[Said], lis
 
 
 def _comparable(event: Event) -> Said:
-    """Return an event without what does not count: the texts of errors."""
+    """Return an event without the texts of errors, which are not compared."""
     if event[0] == "show" and event[2].startswith("<error:"):
         return (*event[:2], "<error>")
     return tuple(event)
@@ -317,7 +321,7 @@ def _said(events: list[Said]) -> str:
 
 
 def _exported(value: object) -> object:
-    """Return a value as BehaviorTree.CPP's JSON has it."""
+    """Return a value as BehaviorTree.CPP's JSON represents it."""
     if isinstance(value, bool):
         return int(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
@@ -336,7 +340,7 @@ def main(arguments: list[str]) -> int:
     differing, unexplained = 0, 0
     for case in cases:
         found = [(difference, reason_for(case, difference)) for difference in replay(case)]
-        # One that is not intended says more than those that are.
+        # An unintended difference is more informative than the intended ones.
         found.sort(key=lambda pair: pair[1] is not None)
         for difference, reason in found[:1]:
             differing += 1

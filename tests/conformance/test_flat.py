@@ -1,4 +1,4 @@
-"""The flat form shows the traces of BehaviorTree.CPP as the tree does that it is made of."""
+"""Tests of the flat form of trees, against the traces of BehaviorTree.CPP."""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -21,11 +21,11 @@ FILES = sorted(Path(__file__).parent.glob("*.json"))
 
 
 class FlatNode:
-    """A node of a flat tree with what the replay wants of a behaviour.
+    """A node of a flat tree with the attributes of a behaviour that the replay uses.
 
     Args:
         flat: The tree.
-        ticker: What ticks it.
+        ticker: The ticker of the tree.
         index: The node's index.
     """
 
@@ -59,7 +59,7 @@ class FlatNode:
         stop(self.flat, self.ticker, self.index)
 
 
-def by_py_trees(compiled: Compiled, clock: ManualClock) -> Compiled:
+def as_py_trees(compiled: Compiled, clock: ManualClock) -> Compiled:
     return compiled
 
 
@@ -70,7 +70,7 @@ def in_flat_form(compiled: Compiled, clock: ManualClock) -> Compiled:
 
 
 def traces(case: Any, form: Callable[[Compiled, ManualClock], Compiled]) -> list[list[Seen]]:
-    """Return what the ticks of a case's tree do, run by run."""
+    """Return the ticks of a case's tree, run by run."""
     found = []
     for run in _runs(case):
         clock = ManualClock()
@@ -88,9 +88,9 @@ def is_accepted(case: Any) -> bool:
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_the_flat_form_does_in_every_tick_what_the_tree_does(path):
+def test_flat_form_ticks_like_py_trees(path):
     cases = [case for case in cases_of(path) if is_accepted(case)]
     assert len(cases) > 0
     for case in cases:
-        # As texts, because what is no number is not equal to itself.
-        assert repr(traces(case, in_flat_form)) == repr(traces(case, by_py_trees)), case["name"]
+        # Compared as strings, because NaN is not equal to itself.
+        assert repr(traces(case, in_flat_form)) == repr(traces(case, as_py_trees)), case["name"]

@@ -1,4 +1,4 @@
-"""Trees behave as they do in BehaviorTree.CPP."""
+"""Tests of equivalence with BehaviorTree.CPP and Nav2, by recorded traces."""
 
 import json
 from pathlib import Path
@@ -17,29 +17,29 @@ NAV2_TRACES = Path(__file__).parent / "nav2_traces.json"
 INTENDED = {"precondition_after_halt", "post_on_halt", "reactive_seq_explicit_child"}
 
 
-def each(cases):
-    """Return the cases as parameters; replayed with another node in the kernel's place only where that can be."""
+def case_params(cases):
+    """Return the cases as parameters; a habit of Precondition needs the Python kernel."""
     return [
         pytest.param(case, id=case["name"], marks=[python_only] if "<Precondition" in case["xml"] else [])
         for case in cases
     ]
 
 
-@pytest.mark.parametrize("case", each(cases_of(TRACES)))
-def test_a_tree_shows_the_trace_of_behaviortree_cpp_or_differs_on_purpose(case):
+@pytest.mark.parametrize("case", case_params(cases_of(TRACES)))
+def test_tree_matches_btcpp_trace_except_intended_deviations(case):
     differences = list(replay(case))
     assert [str(difference) for difference in differences if reason_for(case, difference) is None] == []
     assert bool(differences) == (case["name"] in INTENDED)
 
 
 @pytest.mark.parametrize("case", cases_of(RANDOM_TRACES), ids=lambda case: case["name"])
-def test_a_random_tree_shows_the_trace_of_behaviortree_cpp_but_for_skipped_conditions(case):
+def test_random_tree_matches_btcpp_trace_except_skipped_conditions(case):
     for difference in replay(case):
         assert "over a condition that is skipped" in (reason_for(case, difference) or str(difference))
 
 
 @pytest.mark.parametrize("case", cases_of(NAV2_TRACES), ids=lambda case: case["name"])
-def test_a_control_of_nav2_below_and_above_every_other_one_shows_the_trace_of_nav2(case):
+def test_nested_nav2_controls_match_nav2_trace(case):
     assert [str(difference) for difference in replay(case)] == []
 
 
@@ -67,7 +67,7 @@ DEVIATING = {
 
 
 @pytest.mark.parametrize("case", cases_of(VALUE_TRACES), ids=lambda case: case["name"])
-def test_values_are_what_they_are_in_behaviortree_cpp_or_differ_on_purpose(case):
+def test_values_match_btcpp_except_intended_deviations(case):
     differences = list(replay(case))
     assert bool(differences) == (case["name"] in DEVIATING)
     for difference in differences:
@@ -75,7 +75,7 @@ def test_values_are_what_they_are_in_behaviortree_cpp_or_differ_on_purpose(case)
 
 
 @pytest.mark.parametrize("mistake", ["root", "events", "blackboards"])
-def test_a_mistake_is_not_taken_for_a_habit_that_shows_in_the_same_tree(mistake):
+def test_real_error_is_not_explained_by_habit(mistake):
     tree = '<Sequence><Scripted id="a" outcomes="S" _post="n+=1"/><SetBlackboard value="7" output_key="k"/></Sequence>'
     case = case_of(tree, ("SUCCESS", [["tick", "a", "SUCCESS"]]), bb={"n": 0})
     (tick,) = case["runs"][0]["ticks"]
@@ -86,7 +86,7 @@ def test_a_mistake_is_not_taken_for_a_habit_that_shows_in_the_same_tree(mistake)
     assert reason_for(case, difference) is None
 
 
-def written(tmp_path, *cases):
+def write_cases(tmp_path, *cases):
     path = tmp_path / "cases.json"
     path.write_text(json.dumps({"cases": cases}), encoding="utf-8")
     return str(path)
@@ -99,30 +99,30 @@ def case_of(tree, *ticks, mode="once", **more):
 
 
 @python_only
-def test_the_command_counts_what_is_the_same_and_explains_what_differs(capsys):
+def test_command_counts_equal_cases_and_explains_differences(capsys):
     assert main([str(TRACES)]) == 0
     *lines, total = capsys.readouterr().out.splitlines()
     assert total == "95 same, 3 differ"
     assert {line.split(":")[0] for line in lines} == INTENDED
 
 
-def test_a_difference_that_nobody_intended_is_named_and_ends_with_status_1(tmp_path, capsys):
+def test_unintended_difference_is_reported_with_status_1(tmp_path, capsys):
     wrong = case_of('<Scripted id="a" outcomes="S"/>', ("SUCCESS", [["tick", "a", "FAILURE"]]))
-    assert main([written(tmp_path, wrong)]) == 1
+    assert main([write_cases(tmp_path, wrong)]) == 1
     line, total = capsys.readouterr().out.splitlines()
     assert "once, tick 0, events: tick a FAILURE there, tick a SUCCESS here" in line
     assert "not on the list of deviations" in line
     assert total == "0 same, 1 differ"
 
 
-def test_a_file_that_is_no_list_of_cases_ends_with_status_2(tmp_path, capsys):
+def test_malformed_case_file_exits_with_status_2(tmp_path, capsys):
     path = tmp_path / "cases.json"
     path.write_text("[", encoding="utf-8")
     assert main([str(path)]) == 2
     assert "cases.json" in capsys.readouterr().err
 
 
-def test_no_file_at_all_ends_with_status_2(capsys):
+def test_missing_argument_exits_with_status_2(capsys):
     assert main([]) == 2
     assert "usage" in capsys.readouterr().err
 
@@ -166,7 +166,7 @@ def test_no_file_at_all_ends_with_status_2(capsys):
         ),
     ],
 )
-def test_mistakes_of_behaviortree_cpp_are_recognised_by_what_happens(case, reason):
+def test_btcpp_bugs_are_recognized_by_symptoms(case, reason):
     exception = {
         "<IfThenElse": "Something unexpected happened in IfThenElseNode",
         "<WhileDoElse": "not allowed to set manually the status to IDLE",
@@ -177,8 +177,8 @@ def test_mistakes_of_behaviortree_cpp_are_recognised_by_what_happens(case, reaso
     assert reason in (reason_for(case, difference) or "")
 
 
-def raised(tree, exception, **more):
-    """Return why a tree is refused here over which something is raised in BehaviorTree.CPP; None if that is not known."""
+def reason_for_rejection(tree, exception, **more):
+    """Return why a tree is rejected here that raises an exception in BehaviorTree.CPP; None if unknown."""
     case = case_of(tree, ("EXCEPTION", []), **more)
     case["runs"][0]["ticks"][0]["events"] = [["tick", "a", "SUCCESS"]]
     case["runs"][0]["ticks"][0]["exception"] = exception
@@ -203,10 +203,10 @@ TWO_TYPES = '<LoopInt queue="1" value="{k}"><Show id="k" value="{k}"/></LoopInt>
         ),
     ],
 )
-def test_a_refusal_is_explained_by_what_the_same_node_raised_there(tree, exception):
+def test_rejection_is_explained_by_exception_of_same_node(tree, exception):
     if "nobody" in tree:
         tree = tree.replace("nobody", "nobody +")
-    assert "refused before" in (raised(tree, exception) or "")
+    assert "refused before" in (reason_for_rejection(tree, exception) or "")
 
 
 @pytest.mark.parametrize(
@@ -221,13 +221,13 @@ def test_a_refusal_is_explained_by_what_the_same_node_raised_there(tree, excepti
         ),
     ],
 )
-def test_a_refusal_is_not_explained_by_what_another_node_raised(tree, exception):
-    assert raised(tree, exception) is None
+def test_rejection_is_not_explained_by_exception_of_other_node(tree, exception):
+    assert reason_for_rejection(tree, exception) is None
 
 
-def test_two_refusals_are_explained_each_by_its_own_reason():
+def test_each_rejection_is_explained_by_its_own_reason():
     exception = f"Exception in node 'IfThenElse::3' [IfThenElse]: {WHY}"
-    reason = raised(ONE_CHILD.format("", TWO_TYPES), exception, bb={"k": "a text"})
+    reason = reason_for_rejection(ONE_CHILD.format("", TWO_TYPES), exception, bb={"k": "a text"})
     assert reason is not None
     assert "refused before" in reason
     assert "ports of two types" in reason
@@ -236,15 +236,15 @@ def test_two_refusals_are_explained_each_by_its_own_reason():
 @pytest.mark.parametrize(
     ("ticks", "explained"),
     [
-        # Over at once; not over in the second tick.
+        # Expired at once; not expired in the second tick.
         ([("RUNNING", "RUNNING", "RUNNING")], True),
         ([("RUNNING", "RUNNING", "IDLE"), ("RUNNING", "RUNNING", "IDLE")], True),
-        # Over as here, and something else differs.
+        # Expired as here, and something else differs.
         ([("RUNNING", "RUNNING", "IDLE"), ("FAILURE", "RUNNING", "RUNNING")], False),
         ([("FAILURE", "RUNNING", "IDLE")], False),
     ],
 )
-def test_a_delay_of_nothing_explains_only_that_its_child_is_ticked_sooner_or_later_there(ticks, explained):
+def test_zero_delay_explains_only_different_tick_of_its_child(ticks, explained):
     events = [[["tick", "a", "RUNNING"]] if child == "RUNNING" else [] for _, _, child in ticks]
     case = case_of(
         '<Delay delay_msec="0"><Scripted id="a" outcomes="R"/></Delay>',
@@ -259,7 +259,7 @@ def test_a_delay_of_nothing_explains_only_that_its_child_is_ticked_sooner_or_lat
 
 
 @pytest.mark.parametrize(("first", "explained"), [("std::string", True), ("MyType", False)])
-def test_types_that_clash_there_by_a_key_of_the_main_tree_are_recognised(first, explained):
+def test_type_conflict_through_main_tree_key_is_recognized(first, explained):
     a, b = (
         '<Fallback><AlwaysSuccess/><ShowS id="s" value="{x}"/></Fallback>',
         '<LoopInt queue="1" value="{x}">',
@@ -279,7 +279,7 @@ def test_types_that_clash_there_by_a_key_of_the_main_tree_are_recognised(first, 
     assert ("goes with no other type" in (reason_for(case, difference) or "")) == explained
 
 
-def test_halting_the_tree_runs_no_script_of_a_node_that_does_not_run():
+def test_halting_tree_does_not_run_script_of_idle_node():
     tree = '<Sequence><Scripted id="a" outcomes="R"/><Scripted id="b" _onHalted="n+=1"/></Sequence>'
     case = case_of(
         tree,
@@ -301,7 +301,7 @@ def events(text):
     ]
 
 
-def test_halting_the_tree_leaves_to_a_node_at_rest_what_outlasts_its_end():
+def test_halting_tree_keeps_memory_of_idle_node():
     case = case_of(
         '<Sequence><RoundRobin wrap_around="true"><Scripted id="a"/><Scripted id="b"/></RoundRobin><Scripted id="c" outcomes="R"/></Sequence>',
         ("RUNNING", events("a SUCCESS, c RUNNING")),
@@ -314,7 +314,7 @@ def test_halting_the_tree_leaves_to_a_node_at_rest_what_outlasts_its_end():
 
 
 @pytest.mark.parametrize("around", ["Fallback", "Sequence"])
-def test_a_condition_that_fails_without_an_else_goes_on_after_it_below_any_parent(around):
+def test_failed_if_condition_without_else_is_followed_by_second_child(around):
     loop = '<LoopInt queue="1;2;3" value="{x}"><Scripted id="a" outcomes="F"/></LoopInt>'
     case = case_of(
         f'<{around}><IfThenElse>{loop}<Scripted id="b"/></IfThenElse></{around}>',
@@ -325,14 +325,14 @@ def test_a_condition_that_fails_without_an_else_goes_on_after_it_below_any_paren
     assert list(replay(case)) == []
 
 
-def test_a_count_out_of_reach_of_a_node_that_is_never_ticked_is_refused_here_alone():
+def test_unreachable_count_of_unticked_node_is_rejected_only_here():
     case = case_of(
         '<Fallback><Scripted id="a"/><ParallelAll max_failures="3"><Scripted id="b"/></ParallelAll></Fallback>',
         ("SUCCESS", events("a SUCCESS")),
     )
     (difference,) = replay(case)
     assert "only met where the node is ticked" in (reason_for(case, difference) or "")
-    # Something else may raise there meanwhile.
+    # Another node may raise an exception there meanwhile.
     case["runs"][0]["ticks"][0]["exception"] = "Exception in node 'a' [Scripted]: no such file"
     assert "only met where the node is ticked" in (reason_for(case, difference) or "")
     case["runs"][0]["ticks"][0]["events"].append(["tick", "b", "SUCCESS"])
@@ -340,7 +340,7 @@ def test_a_count_out_of_reach_of_a_node_that_is_never_ticked_is_refused_here_alo
 
 
 @python_only
-def test_only_children_that_are_skipped_in_one_run_of_a_fallback_are_counted():
+def test_fallback_counts_only_children_skipped_in_same_run():
     case = case_of(
         '<NonblockingSequence><Scripted id="a" outcomes="R"/>'
         '<Fallback><Scripted id="b" outcomes="K"/><Scripted id="c" outcomes="S,K"/></Fallback></NonblockingSequence>',
@@ -354,7 +354,7 @@ def test_only_children_that_are_skipped_in_one_run_of_a_fallback_are_counted():
 
 @python_only
 @pytest.mark.parametrize("around", ["Sequence", "Fallback"])
-def test_a_precondition_is_asked_again_after_its_child_was_skipped(around):
+def test_precondition_is_checked_again_after_child_was_skipped(around):
     case = case_of(
         f'<{around}><Precondition if="n==0" else="RUNNING"><Scripted id="a" outcomes="K"/></Precondition><Script code="n:=1"/></{around}>',
         ("SUCCESS", events("a SKIPPED")),
@@ -366,7 +366,7 @@ def test_a_precondition_is_asked_again_after_its_child_was_skipped(around):
     assert "Precondition does not check" in (reason_for(case, difference) or "")
 
 
-def test_what_a_timer_did_there_between_two_ticks_may_come_after_other_leaves_here():
+def test_timer_event_between_ticks_can_follow_other_leaves_here():
     case = case_of(
         '<ReactiveSequence><Scripted id="g"/><Timeout msec="50"><Scripted id="a" outcomes="R"/></Timeout></ReactiveSequence>',
         ("RUNNING", [["tick", "g", "SUCCESS"], ["tick", "a", "RUNNING"]]),
