@@ -1,4 +1,4 @@
-"""Flights of small trees, held beside all runs of these."""
+"""Tests of conformance: recorded runs of small trees are compared with all possible runs."""
 
 import itertools
 
@@ -14,12 +14,12 @@ from tests.analysis.verify.stage import TAGS, bound, simulated_tree
 KEPT, BROKEN, IN_DOUBT, OPEN = PropertyResult
 
 
-class Flights:
-    """Flights of a tree whose leaves are named, tick by tick.
+class RecordedRuns:
+    """Recorded runs of a tree whose leaves have names, tick by tick.
 
     Args:
         body: The tree.
-        properties: The text of a file of properties.
+        properties: The text of a properties file.
     """
 
     def __init__(self, body, properties=""):
@@ -42,7 +42,7 @@ class Flights:
         return Event(("all", leaf), number, RETURNED, what, "".join(label))
 
     def record(self, *ticks):
-        """Return the events of ticks: of each what the root came to, and what leaves did."""
+        """Return the events of ticks, each given as the root's status and the events of leaves."""
         return [
             event
             for number, (root, *said) in enumerate(ticks, 1)
@@ -65,140 +65,142 @@ RUNS = ("RUNNING", "one RUNNING")
 FINE = ("SUCCESS", "one SUCCESS", "two SUCCESS")
 
 
-def test_a_run_of_the_tree_conforms():
-    found = Flights(TWO).compared(RUNS, ("RUNNING",), FINE)
+def test_possible_run_conforms():
+    found = RecordedRuns(TWO).compared(RUNS, ("RUNNING",), FINE)
     assert (found.misfit, found.ticks, found.is_fine) == (None, 3, True)
-    assert Flights(TWO).compared(RUNS, ("RUNNING",), is_over=False).ticks == 2
+    assert RecordedRuns(TWO).compared(RUNS, ("RUNNING",), is_over=False).ticks == 2
 
 
-def test_a_flight_of_no_tick_has_broken_nothing():
-    found = Flights(TWO, "properties: {p: {never: one SUCCESS}}").compared()
+def test_run_without_ticks_violates_nothing():
+    found = RecordedRuns(TWO, "properties: {p: {never: one SUCCESS}}").compared()
     assert (found.is_fine, found.ticks, found.properties[0].fate) == (True, 0, KEPT)
 
 
-def test_of_a_flight_of_other_nodes_nothing_is_said():
-    flights = Flights(TWO)
-    flights.names = ["all", "one", "three"]
+def test_run_of_different_nodes_is_rejected():
+    runs = RecordedRuns(TWO)
+    runs.names = ["all", "one", "three"]
     with pytest.raises(OtherTreeError):
-        flights.compared(RUNS)
+        runs.compared(RUNS)
 
 
-def test_the_event_that_breaks_a_property_is_told_with_its_place_and_what_led_there():
-    found = Flights(TWO, "properties: {p: {never: two SUCCESS}}").compared(
+def test_violating_event_is_reported_with_location_and_preceding_events():
+    found = RecordedRuns(TWO, "properties: {p: {never: two SUCCESS}}").compared(
         RUNS, ("RUNNING", "one RUNNING"), FINE
     )
     (broken,) = found.properties
     assert (broken.fate, broken.tick, broken.time_sec, broken.event) == (BROKEN, 3, 1.5, "two SUCCESS")
     assert broken.place.rpartition(":")[0].endswith(":3")
-    # One that goes on running is told once.
+    # An outcome that stays RUNNING is reported once.
     assert [each.action for each in broken.run] == ["RUNNING", "SUCCESS", "SUCCESS"]
     assert not found.is_fine
 
 
-def test_what_comes_after_the_event_that_breaks_a_property_did_not_lead_there():
-    found = Flights(TWO, "properties: {p: {never: one SUCCESS}}").compared(RUNS, FINE)
+def test_events_after_violation_are_not_reported_as_its_cause():
+    found = RecordedRuns(TWO, "properties: {p: {never: one SUCCESS}}").compared(RUNS, FINE)
     assert [each.leaf for each in found.properties[0].run] == ["one", "one"]
 
 
-def test_a_property_that_counts_while_a_condition_holds_is_judged_by_what_was_so():
+def test_while_condition_is_evaluated_at_event():
     properties = (
         "properties: {early: {never: Z SUCCESS, while: f == 0}, late: {never: Z SUCCESS, while: f == 1}}"
     )
-    flights = Flights('<Sequence name="all"><X/><Z/></Sequence>', properties)
+    runs = RecordedRuns('<Sequence name="all"><X/><Z/></Sequence>', properties)
     ticks = [("RUNNING", "X RUNNING"), ("SUCCESS", "X SUCCESS", "Z SUCCESS")]
-    assert flights.fates(*ticks) == {"early": KEPT, "late": BROKEN}
+    assert runs.fates(*ticks) == {"early": KEPT, "late": BROKEN}
 
 
-def test_what_is_owed_is_broken_at_an_end_and_open_where_the_run_was_stopped():
-    flights = Flights(TWO, "properties: {p: {after: one RUNNING, eventually: two FAILURE}}")
-    assert flights.fates(RUNS, is_over=False) == {"p": OPEN}
-    found = flights.compared(RUNS, FINE)
+def test_pending_property_is_violated_at_end_and_open_if_run_was_stopped():
+    runs = RecordedRuns(TWO, "properties: {p: {after: one RUNNING, eventually: two FAILURE}}")
+    assert runs.fates(RUNS, is_over=False) == {"p": OPEN}
+    found = runs.compared(RUNS, FINE)
     assert [(each.fate, each.tick, each.event) for each in found.properties] == [(BROKEN, 2, "")]
-    assert flights.fates(RUNS, ("FAILURE", "one SUCCESS", "two FAILURE")) == {"p": KEPT}
+    assert runs.fates(RUNS, ("FAILURE", "one SUCCESS", "two FAILURE")) == {"p": KEPT}
 
 
-def test_what_holds_at_the_end_is_judged_where_there_is_one():
-    flights = Flights(TWO, "properties: {p: {at_end: root == 'FAILURE'}}")
-    assert flights.fates(RUNS, is_over=False) == {"p": OPEN}
-    assert flights.fates(RUNS, FINE) == {"p": BROKEN}
-    assert flights.fates(("FAILURE", "one FAILURE")) == {"p": KEPT}
+def test_at_end_property_is_evaluated_only_at_end():
+    runs = RecordedRuns(TWO, "properties: {p: {at_end: root == 'FAILURE'}}")
+    assert runs.fates(RUNS, is_over=False) == {"p": OPEN}
+    assert runs.fates(RUNS, FINE) == {"p": BROKEN}
+    assert runs.fates(("FAILURE", "one FAILURE")) == {"p": KEPT}
 
 
-def test_an_end_that_asks_for_idleness_is_judged_when_the_run_is_over_and_where_every_tick_leaves_all_as_it_is():
+def test_idle_end_is_reached_when_run_is_over_or_every_tick_leaves_state_unchanged():
     over = "end: idle\nproperties: {p: {at_end: root == 'FAILURE'}}"
-    assert Flights(TWO, over).fates(RUNS, FINE) == {"p": BROKEN}
-    assert Flights(TWO, over).fates(RUNS, FINE, is_over=False) == {"p": OPEN}
-    idle = Flights('<Sequence name="all"><RunOnce><A name="one"/></RunOnce><AlwaysSuccess/></Sequence>', over)
+    assert RecordedRuns(TWO, over).fates(RUNS, FINE) == {"p": BROKEN}
+    assert RecordedRuns(TWO, over).fates(RUNS, FINE, is_over=False) == {"p": OPEN}
+    idle = RecordedRuns(
+        '<Sequence name="all"><RunOnce><A name="one"/></RunOnce><AlwaysSuccess/></Sequence>', over
+    )
     assert idle.fates(("SUCCESS", "one SUCCESS"), ("SUCCESS",), is_over=False) == {"p": BROKEN}
 
 
-def test_where_the_record_fits_runs_that_break_a_property_and_others_it_may_be_broken():
+def test_property_is_in_doubt_if_record_fits_violating_and_other_runs():
     answers = "outcomes: {one: [RUNNING, {status: SUCCESS, label: far}, {status: SUCCESS, label: near}]}\n"
-    flights = Flights(TWO, f"{answers}properties: {{p: {{never: one far}}, q: {{never: two SUCCESS}}}}")
-    found = flights.compared(RUNS, FINE)
+    runs = RecordedRuns(TWO, f"{answers}properties: {{p: {{never: one far}}, q: {{never: two SUCCESS}}}}")
+    found = runs.compared(RUNS, FINE)
     assert [each.fate for each in found.properties] == [IN_DOUBT, BROKEN]
     assert (found.properties[0].tick, found.properties[0].event) == (2, "one far")
-    assert flights.fates(RUNS, ("SUCCESS", "one SUCCESS far", "two SUCCESS"))["p"] is BROKEN
+    assert runs.fates(RUNS, ("SUCCESS", "one SUCCESS far", "two SUCCESS"))["p"] is BROKEN
     near = ("RUNNING", "one SUCCESS near", "two RUNNING")
-    assert flights.fates(near, ("FAILURE", "two FAILURE")) == {"p": KEPT, "q": KEPT}
+    assert runs.fates(near, ("FAILURE", "two FAILURE")) == {"p": KEPT, "q": KEPT}
 
 
-def test_an_answer_that_goes_on_unnoted_is_the_one_that_it_was():
+def test_continued_outcome_without_event_is_unchanged():
     answers = (
         "outcomes: {one: [{status: RUNNING, label: driving}, {status: RUNNING, label: turning}, SUCCESS]}\n"
     )
-    flights = Flights(TWO, f"{answers}properties: {{p: {{never: one turning}}}}")
-    assert flights.fates(("RUNNING", "one RUNNING driving"), ("RUNNING",)) == {"p": KEPT}
-    assert flights.fates(("RUNNING", "one RUNNING"), ("RUNNING",)) == {"p": IN_DOUBT}
+    runs = RecordedRuns(TWO, f"{answers}properties: {{p: {{never: one turning}}}}")
+    assert runs.fates(("RUNNING", "one RUNNING driving"), ("RUNNING",)) == {"p": KEPT}
+    assert runs.fates(("RUNNING", "one RUNNING"), ("RUNNING",)) == {"p": IN_DOUBT}
 
 
-def test_a_property_that_every_way_has_broken_by_some_tick_is_broken_for_sure_from_there_on():
+def test_property_violated_in_every_matching_run_is_violated():
     answers = "outcomes: {one: [RUNNING, {status: SUCCESS, label: far}, {status: SUCCESS, label: near}]}\n"
-    flights = Flights(TWO, f"{answers}properties: {{p: {{never: [one far, two SUCCESS]}}}}")
-    (broken,) = flights.compared(
+    runs = RecordedRuns(TWO, f"{answers}properties: {{p: {{never: [one far, two SUCCESS]}}}}")
+    (broken,) = runs.compared(
         ("RUNNING", "one SUCCESS", "two RUNNING"), ("SUCCESS", "two SUCCESS")
     ).properties
     assert (broken.fate, broken.tick, broken.event) == (BROKEN, 2, "two SUCCESS")
 
 
-def test_an_answer_that_nobody_has_declared_is_where_the_flight_leaves_the_tree():
-    misfit = Flights(TWO).misfit(RUNS, ("SUCCESS", "one SUCCESS fine", "two SUCCESS"))
+def test_undeclared_outcome_is_misfit():
+    misfit = RecordedRuns(TWO).misfit(RUNS, ("SUCCESS", "one SUCCESS fine", "two SUCCESS"))
     assert (misfit.tick, misfit.time_sec, misfit.event) == (2, 1.0, "one fine")
     assert misfit.why == "it is assumed that 'one' returns only SUCCESS, FAILURE, RUNNING, but returned fine"
     assert set(misfit.possible) == {"one SUCCESS", "one FAILURE", "one RUNNING"}
     assert misfit.place.rpartition(":")[0].endswith(":3")
 
 
-def test_an_answer_that_facts_exclude_is_told_with_what_would_have_had_to_be_so():
-    flights = Flights('<Sequence name="all"><X/><Y/></Sequence>')
+def test_outcome_excluded_by_facts_is_misfit_with_required_condition():
+    runs = RecordedRuns('<Sequence name="all"><X/><Y/></Sequence>')
     fits = ("SUCCESS", "X SUCCESS", "Y SUCCESS counted")
-    assert flights.misfit(fits) is None
-    # X counts up before, in the same tick.
-    late = Flights('<Sequence name="all"><X/><Y name="a"/><Y name="b"/></Sequence>')
+    assert runs.misfit(fits) is None
+    # X has counted up before, in the same tick.
+    late = RecordedRuns('<Sequence name="all"><X/><Y name="a"/><Y name="b"/></Sequence>')
     misfit = late.misfit(("SUCCESS", "X SUCCESS", "a SUCCESS counted", "b SUCCESS counted"))
     assert (misfit.tick, misfit.event) == (1, "b counted")
     assert misfit.why == "it is assumed that 'b' returns 'counted' only when f > 0 (f is 0)"
     assert set(misfit.possible) == {"b FAILURE", "b RUNNING"}
 
 
-def test_of_a_leaf_that_answers_twice_in_a_tick_it_is_the_answer_that_cannot_be():
-    flights = Flights(
+def test_second_outcome_of_leaf_in_tick_is_identified_as_misfit():
+    runs = RecordedRuns(
         '<RetryUntilSuccessful name="all" num_attempts="3"><A name="one"/></RetryUntilSuccessful>'
     )
-    misfit = flights.misfit(RUNS, ("SUCCESS", "one FAILURE", "one SUCCESS odd"))
+    misfit = runs.misfit(RUNS, ("SUCCESS", "one FAILURE", "one SUCCESS odd"))
     assert misfit.event == "one odd"
     assert "one SUCCESS" in misfit.possible
     assert misfit.why.endswith("but returned odd")
 
 
-def test_a_leaf_whose_turn_it_was_not_is_told_with_what_would_have_come():
-    misfit = Flights(TWO).misfit(("RUNNING", "two RUNNING"))
+def test_leaf_ticked_out_of_turn_is_misfit_with_possible_events():
+    misfit = RecordedRuns(TWO).misfit(("RUNNING", "two RUNNING"))
     assert (misfit.event, misfit.why) == ("two RUNNING", "no possible run ticks this leaf at this point")
     assert set(misfit.possible) == {"one SUCCESS", "one FAILURE", "one RUNNING"}
 
 
-def test_an_event_behind_the_end_of_a_tick_is_told():
-    misfit = Flights(TWO).misfit(("FAILURE", "one FAILURE", "two SUCCESS"))
+def test_event_after_end_of_tick_is_misfit():
+    misfit = RecordedRuns(TWO).misfit(("FAILURE", "one FAILURE", "two SUCCESS"))
     assert (misfit.event, misfit.possible) == ("two SUCCESS", ("the tick ends with FAILURE",))
 
 
@@ -218,62 +220,62 @@ def test_an_event_behind_the_end_of_a_tick_is_told():
         pytest.param(("RUNNING", "one RUNNING", "one halted"), "one halted", {"one continues"}, id="a halt"),
     ],
 )
-def test_what_a_tick_lacks_is_told(tick, event, possible):
-    misfit = Flights(TWO).misfit(RUNS, tick)
+def test_missing_event_of_tick_is_reported(tick, event, possible):
+    misfit = RecordedRuns(TWO).misfit(RUNS, tick)
     assert misfit.tick == 2
     assert misfit.event == event
     assert possible <= set(misfit.possible)
 
 
-def test_an_answer_that_went_on_longer_than_is_assumed_is_told_with_the_limit():
+def test_outcome_continued_beyond_limit_is_misfit_with_limit():
     limit = "facts: {left: 2}\noutcomes: {one: [{status: FAILURE, label: held, when: left > 0, then: left -= 1}, SUCCESS]}"
-    flights = Flights('<Inverter name="all"><A name="one"/></Inverter>', limit)
+    runs = RecordedRuns('<Inverter name="all"><A name="one"/></Inverter>', limit)
     held = ("SUCCESS", "one FAILURE held")
-    assert flights.misfit(held, ("SUCCESS",)) is None
-    misfit = flights.misfit(held, ("SUCCESS",), ("SUCCESS",))
+    assert runs.misfit(held, ("SUCCESS",)) is None
+    misfit = runs.misfit(held, ("SUCCESS",), ("SUCCESS",))
     assert (misfit.tick, misfit.event, misfit.possible) == (3, "one still held", ("one SUCCESS",))
     assert misfit.why == "it is assumed that 'one' returns 'held' only when left > 0 (left is 0)"
 
 
-def test_what_the_root_came_to_is_told_with_the_place_of_the_root():
+def test_wrong_root_status_is_reported_at_location_of_root():
     ticks = ("RUNNING", "one FAILURE"), ("FAILURE", "one FAILURE odd")
-    root, leaf = (int(Flights(TWO).misfit(tick).place.rpartition(":")[2]) for tick in ticks)
+    root, leaf = (int(RecordedRuns(TWO).misfit(tick).place.rpartition(":")[2]) for tick in ticks)
     assert root < leaf
 
 
-def test_a_leaf_that_was_not_stopped_although_it_had_to_be_is_told():
-    flights = Flights('<ReactiveSequence name="all"><P name="one"/><A name="two"/></ReactiveSequence>')
+def test_missing_halt_of_leaf_is_reported():
+    runs = RecordedRuns('<ReactiveSequence name="all"><P name="one"/><A name="two"/></ReactiveSequence>')
     goes = ("RUNNING", "one SUCCESS", "two RUNNING")
-    assert flights.misfit(goes, ("FAILURE", "one FAILURE", "two halted")) is None
-    misfit = flights.misfit(goes, ("FAILURE", "one FAILURE"))
+    assert runs.misfit(goes, ("FAILURE", "one FAILURE", "two halted")) is None
+    misfit = runs.misfit(goes, ("FAILURE", "one FAILURE"))
     assert (misfit.event, misfit.possible) == ("two continues", ("two halted",))
 
 
-def test_a_tick_that_was_broken_off_is_none_that_is_wrong_where_the_run_was_not_over():
+def test_incomplete_last_tick_is_accepted_if_run_was_not_over():
     half = ("", "one SUCCESS")
-    assert Flights(TWO).misfit(RUNS, half, is_over=False) is None
-    assert Flights(TWO).misfit(RUNS, half) is not None
-    assert Flights(TWO).misfit(half, FINE, is_over=False) is not None
-    assert Flights(TWO).misfit(RUNS, ("", "two SUCCESS"), is_over=False) is not None
-    # That there was this one is known because something was told of it.
-    assert Flights(TWO).misfit(RUNS, ("SUCCESS",), is_over=False) is not None
+    assert RecordedRuns(TWO).misfit(RUNS, half, is_over=False) is None
+    assert RecordedRuns(TWO).misfit(RUNS, half) is not None
+    assert RecordedRuns(TWO).misfit(half, FINE, is_over=False) is not None
+    assert RecordedRuns(TWO).misfit(RUNS, ("", "two SUCCESS"), is_over=False) is not None
+    # This tick is known to exist because it has events.
+    assert RecordedRuns(TWO).misfit(RUNS, ("SUCCESS",), is_over=False) is not None
 
 
-def test_from_where_a_flight_leaves_the_tree_properties_are_judged_by_its_events_alone():
+def test_properties_are_judged_by_events_alone_after_misfit():
     properties = """properties:
       before it: {never: one SUCCESS}
       behind it: {never: two SUCCESS}
       owed: {after: two SUCCESS, eventually: one FAILURE}
       kept: {never: two FAILURE}
       at the end: {at_end: root == 'FAILURE'}"""
-    flights = Flights(TWO, properties)
+    runs = RecordedRuns(TWO, properties)
     strange = [
         ("RUNNING", "one SUCCESS", "two RUNNING"),
         ("RUNNING", "two RUNNING odd"),
         ("RUNNING",),
         ("RUNNING", "two SUCCESS"),
     ]
-    found = flights.compared(*strange, is_over=False)
+    found = runs.compared(*strange, is_over=False)
     assert found.misfit.event == "two odd"
     fates = {each.name: (each.fate, each.tick, each.by_events) for each in found.properties}
     assert fates == {
@@ -287,19 +289,19 @@ def test_from_where_a_flight_leaves_the_tree_properties_are_judged_by_its_events
     assert (behind.event, behind.time_sec) == ("two SUCCESS", 2.0)
 
 
-def test_facts_begin_anew_where_events_alone_are_judged():
-    # Y can count only what X has counted, which the search for the run has done already.
+def test_facts_are_reset_when_events_alone_are_judged():
+    # Y can count only after X has counted, which the search for the run has already applied.
     properties = "properties: {p: {never: Y counted, while: f == 1}}"
-    flights = Flights('<Sequence name="all"><X/><Y/></Sequence>', properties)
-    found = flights.compared(("RUNNING", "X RUNNING odd"), ("SUCCESS", "X SUCCESS", "Y SUCCESS counted"))
+    runs = RecordedRuns('<Sequence name="all"><X/><Y/></Sequence>', properties)
+    found = runs.compared(("RUNNING", "X RUNNING odd"), ("SUCCESS", "X SUCCESS", "Y SUCCESS counted"))
     assert [(each.fate, each.by_events) for each in found.properties] == [(BROKEN, True)]
 
 
-def test_only_the_last_events_are_told():
-    flights = Flights(
+def test_only_last_events_are_reported():
+    runs = RecordedRuns(
         '<KeepRunningUntilFailure name="all"><A name="one"/></KeepRunningUntilFailure>',
         "properties: {p: {never: one FAILURE}}",
     )
     ticks = list(itertools.repeat(("RUNNING", "one SUCCESS"), 20))
-    found = flights.compared(*ticks, ("FAILURE", "one FAILURE"))
+    found = runs.compared(*ticks, ("FAILURE", "one FAILURE"))
     assert [each.tick for each in found.properties[0].run] == list(range(10, 22))

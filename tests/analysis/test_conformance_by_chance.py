@@ -1,4 +1,4 @@
-"""Flights of random trees: those that were simulated conform and break what the simulation broke; what was altered is found."""
+"""Tests of conformance with random trees: simulated runs conform, and altered runs do not."""
 
 import random
 
@@ -24,8 +24,8 @@ TICKS = 12
 WRONG = (PropertyResult.BROKEN, PropertyResult.IN_DOUBT)
 
 
-def flown_tick(watch, tree, recorder):
-    """Tick a tree; return whether no script of it has raised."""
+def record_tick(watch, tree, recorder):
+    """Tick a tree; return whether no script raised an error."""
     try:
         watch.end_tick(watched_tick(tree, recorder))
     except NodeScriptError:
@@ -33,13 +33,13 @@ def flown_tick(watch, tree, recorder):
     return True
 
 
-class Flown:
-    """A flight of a case with stub leaves: what its journal says of it, and what broke.
+class RecordedRun:
+    """A simulated run of a case: the events of its journal, and the violated properties.
 
     Args:
         case: The tree and its properties.
-        policy: What leaves answer.
-        ticks: How many.
+        policy: The policy that chooses the outcomes of leaves.
+        ticks: The number of ticks.
     """
 
     def __init__(self, case, policy, ticks):
@@ -56,7 +56,7 @@ class Flown:
         answers = {leaf.id: leaf.outcomes for leaf in robot.leaves}
         recorder = StatusWatch(robot.root, journal, answers)
         for _ in range(ticks):
-            if not flown_tick(watch, tree, recorder):
+            if not record_tick(watch, tree, recorder):
                 break
         journal.end_run(Ending.STOPPED, 0)
         self.events = [*recorded_events(stream)]
@@ -69,55 +69,57 @@ class Flown:
 
 
 @pytest.mark.unmeasured
-def test_a_counterexample_of_a_proof_that_was_flown_breaks_its_property_at_the_same_event():
+def test_simulated_counterexample_violates_its_property_at_same_event():
     count = 0
     for seed, case in cases(20):
         for name, run in broken_runs(case).items():
-            flown = Flown(case, Scripted(run), len(run.ticks))
-            found = flown.compared(case)
+            simulated_run = RecordedRun(case, Scripted(run), len(run.ticks))
+            found = simulated_run.compared(case)
             assert found.misfit is None, f"{seed}: {name}: {found.misfit}"
             fate = next(each for each in found.properties if each.name == name)
             assert fate.fate in WRONG, f"{seed}: {name}: {fate}"
             if fate.fate is PropertyResult.BROKEN:
-                assert (fate.event, fate.tick) == flown.broken[name], f"{seed}: {name}"
+                assert (fate.event, fate.tick) == simulated_run.broken[name], f"{seed}: {name}"
                 count += 1
     assert count > 40
 
 
 @pytest.mark.unmeasured
-def test_a_flight_conforms_and_breaks_what_its_own_watch_has_told():
+def test_simulated_run_conforms_with_violations_of_its_monitor():
     sure = doubtful = 0
     for seed, case in cases(20):
-        flown = Flown(case, ByChance(seed), TICKS)
-        found = flown.compared(case)
+        simulated_run = RecordedRun(case, ByChance(seed), TICKS)
+        found = simulated_run.compared(case)
         assert found.misfit is None, f"{seed}: {found.misfit}"
         for each in found.properties:
             if each.fate is PropertyResult.IN_DOUBT:
                 doubtful += 1
             else:
                 sure += 1
-                broken = flown.broken.get(each.name)
+                broken = simulated_run.broken.get(each.name)
                 assert (each.fate is PropertyResult.BROKEN) == (broken is not None), f"{seed}: {each}"
                 if broken is not None:
                     assert (each.event, each.tick) == broken, f"{seed}: {each}"
-                elif each.name in flown.owed:
+                elif each.name in simulated_run.owed:
                     assert each.fate is PropertyResult.OPEN, f"{seed}: {each}"
     assert sure > 100
     assert doubtful < sure / 10
 
 
-def test_an_answer_that_was_altered_is_found_where_it_stands():
+def test_altered_outcome_is_found_at_its_location():
     count = 0
     for seed, case in cases(20):
-        flown = Flown(case, ByChance(seed), TICKS)
+        simulated_run = RecordedRun(case, ByChance(seed), TICKS)
         chance = random.Random(seed)  # noqa: S311 - the same in every run
         answers = [
-            place for place, each in enumerate(flown.events) if each.what == RETURNED and each.leaf in "XYZP"
+            place
+            for place, each in enumerate(simulated_run.events)
+            if each.what == RETURNED and each.leaf in "XYZP"
         ]
         for place in chance.sample(answers, min(3, len(answers))):
-            altered = list(flown.events)
+            altered = list(simulated_run.events)
             altered[place] = altered[place]._replace(label="of nobody")
-            misfit = flown.compared(case, altered).misfit
+            misfit = simulated_run.compared(case, altered).misfit
             assert misfit is not None, f"{seed}: {place}"
             assert (misfit.tick, misfit.event) == (altered[place].tick, f"{altered[place].leaf} of nobody"), (
                 seed

@@ -1,4 +1,4 @@
-"""A board whose contents are numbers: taken, compared, and gone back to."""
+"""Tests of a blackboard whose contents are numbered, so that states can be stored, compared and restored."""
 
 from collections import deque
 
@@ -27,13 +27,13 @@ def scope(board):
     return Scope(board)
 
 
-def taken(cells):
-    """Return what all entries hold."""
+def contents_of(cells):
+    """Return the numbers of the contents of all entries."""
     cells.update_contents()
     return [number for number in cells.now if number]
 
 
-def test_what_was_on_the_board_stays_there(cells):
+def test_existing_entries_are_kept(cells):
     board = Board("numbers")
     scope = Scope(board)
     scope.resolve("a").write([1, 2])
@@ -43,7 +43,7 @@ def test_what_was_on_the_board_stays_there(cells):
     assert [name.removeprefix(board.prefix) for name in board.names()] == ["/a"]
 
 
-def test_entries_come_back_with_their_values_and_types(board, cells, scope):
+def test_entries_are_restored_with_values_and_types(board, cells, scope):
     scope.resolve("a").declare(int)
     scope.resolve("a").write(1)
     scope.resolve("b").declare(str)
@@ -60,7 +60,7 @@ def test_entries_come_back_with_their_values_and_types(board, cells, scope):
     assert [name.removeprefix(board.prefix) for name in board.names()] == ["/a"]
 
 
-def test_a_removed_entry_comes_back(cells, scope):
+def test_removed_entry_is_restored(cells, scope):
     scope.resolve("a").write(1)
     before = cells.now[:]
     scope.resolve("a").remove()
@@ -70,32 +70,32 @@ def test_a_removed_entry_comes_back(cells, scope):
     assert scope.resolve("a").read() == 1
 
 
-def test_equal_contents_have_equal_numbers_however_they_came_to_be(cells, scope):
+def test_equal_contents_have_equal_numbers(cells, scope):
     scope.resolve("a").write(1)
     scope.resolve("b").write(2)
-    before = taken(cells)
+    before = contents_of(cells)
     scope.resolve("a").remove()
     scope.resolve("a").write(0)
     scope.resolve("a").write(1)
-    assert taken(cells) == before
+    assert contents_of(cells) == before
 
 
 @pytest.mark.parametrize(("one", "other"), [(1, 1.0), (1, True), ("1", 1)])
 def test_values_of_different_types_are_different_contents(cells, scope, one, other):
     scope.resolve("a").write(one)
-    before = taken(cells)
+    before = contents_of(cells)
     scope.resolve("a").write(other)
-    assert taken(cells) != before
+    assert contents_of(cells) != before
     assert scope.resolve("a").read() is other
 
 
-def test_a_type_is_a_content(cells, scope):
-    before = taken(cells)
+def test_declared_type_is_part_of_contents(cells, scope):
+    before = contents_of(cells)
     scope.resolve("a").declare()
-    assert taken(cells) != before
+    assert contents_of(cells) != before
 
 
-def test_the_first_type_counts_and_one_of_any_can_be_settled(scope):
+def test_first_specific_type_is_kept(scope):
     entry = scope.resolve("a")
     entry.declare()
     entry.board.set_kind(entry.name, int)
@@ -104,42 +104,42 @@ def test_the_first_type_counts_and_one_of_any_can_be_settled(scope):
     assert entry.kind is int
 
 
-def test_a_list_that_is_changed_in_place_is_another_content(cells, scope):
+def test_list_changed_in_place_is_different_content(cells, scope):
     scope.resolve("a").write(deque([1, 2]))
-    before, now = taken(cells), cells.now[:]
+    before, now = contents_of(cells), cells.now[:]
     scope.resolve("a").read().popleft()
     assert scope.resolve("a").read() == deque([2])
-    assert taken(cells) != before
+    assert contents_of(cells) != before
     cells.restore(now)
     assert scope.resolve("a").read() == deque([1, 2])
 
 
-def test_a_list_that_is_only_read_is_the_same_content(cells, scope):
+def test_list_that_is_only_read_is_same_content(cells, scope):
     scope.resolve("a").write([1, 2])
-    before = taken(cells)
+    before = contents_of(cells)
     assert scope.resolve("a").read() == [1, 2]
-    assert taken(cells) == before
+    assert contents_of(cells) == before
 
 
-def test_how_often_an_entry_was_written_counts_only_if_it_is_watched(board, cells, scope):
+def test_write_count_matters_only_if_entry_is_watched(board, cells, scope):
     entry = scope.resolve("a")
     entry.write(1)
-    before = taken(cells)
+    before = contents_of(cells)
     entry.write(1)
-    assert taken(cells) == before
+    assert contents_of(cells) == before
     board.watch_entry(entry.name)
     entry.write(1)
-    assert (entry.stamp, taken(cells) == before) == (2, False)
+    assert (entry.stamp, contents_of(cells) == before) == (2, False)
     board.restamp(entry.name, 1)
-    assert taken(cells) == before
+    assert contents_of(cells) == before
 
 
-def test_a_value_that_cannot_be_kept_is_refused_with_the_name_of_its_entry(scope):
+def test_unfreezable_value_is_rejected_with_entry_name(scope):
     with pytest.raises(FrozenValueError, match="the entry 'image' holds a value of type bytearray"):
         scope.resolve("image").write(bytearray(b"x"))
 
 
-def test_boards_share_cells_without_touching_each_others_entries(board, cells, scope):
+def test_boards_with_shared_cells_have_separate_entries(board, cells, scope):
     other = Board("numbers")
     Scope(other).resolve("a").write("theirs")
     NumberedBoard.from_board(other, cells)
@@ -149,7 +149,7 @@ def test_boards_share_cells_without_touching_each_others_entries(board, cells, s
 
 
 class Counting:
-    """Adds up two entries, and counts how often it does."""
+    """Adds up two entries, and counts its calls."""
 
     def __init__(self, scope):
         self._entries = [scope.resolve(name) for name in ("a", "b", "sum")]
@@ -165,7 +165,7 @@ class Counting:
         return self.calls
 
 
-def test_code_runs_once_for_the_same_contents_and_changes_the_same_again(board, cells, scope):
+def test_memoized_code_runs_once_and_repeats_its_changes(board, cells, scope):
     scope.resolve("a").write(1)
     scope.resolve("b").write(2)
     before = cells.now[:]
@@ -178,7 +178,7 @@ def test_code_runs_once_for_the_same_contents_and_changes_the_same_again(board, 
     assert (memo.call(code.run), scope.resolve("sum").read()) == (2, 7)
 
 
-def test_what_code_raises_is_not_remembered(board, cells, scope):
+def test_exception_is_not_memoized(board, cells, scope):
     code = Counting(scope)
     memo = code.memo(board)
     for _ in range(2):
@@ -187,7 +187,7 @@ def test_what_code_raises_is_not_remembered(board, cells, scope):
     assert code.calls == 2
 
 
-def test_code_that_uses_one_entry_runs_once_for_each_of_its_contents_however_many(board, cells, scope):
+def test_code_with_one_entry_runs_once_for_each_of_many_values(board, cells, scope):
     entry, ran = scope.resolve("a"), []
 
     def count_on():

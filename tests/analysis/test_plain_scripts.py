@@ -1,4 +1,4 @@
-"""Trees whose runs are not tried, because their text shows that their scripts raise nothing."""
+"""Tests of plain trees: their text shows that no script raises an error, so their runs are not tried."""
 
 import random
 import subprocess
@@ -15,13 +15,13 @@ from tests.chance import rounds
 from tests.trees import document
 
 
-def loaded(tmp_path, body):
+def load_body(tmp_path, body):
     path = tmp_path / "t.xml"
     path.write_text(document(body), encoding="utf-8")
     return load(path)
 
 
-def plain(tree):
+def is_plain_tree(tree):
     (bound,) = tree.context.bound_forest.trees
     return is_plain(bound)
 
@@ -50,13 +50,13 @@ OTHERS = [
 
 
 @pytest.mark.parametrize("body", PLAIN)
-def test_a_variable_that_is_compared_after_it_was_given_a_value_is_plain(body, tmp_path):
-    assert plain(loaded(tmp_path, body))
+def test_tree_that_assigns_before_comparing_is_plain(body, tmp_path):
+    assert is_plain_tree(load_body(tmp_path, body))
 
 
 @pytest.mark.parametrize("body", OTHERS)
-def test_whatever_may_raise_is_not_plain(body, tmp_path):
-    assert not plain(loaded(tmp_path, body))
+def test_tree_with_possible_error_is_not_plain(body, tmp_path):
+    assert not is_plain_tree(load_body(tmp_path, body))
 
 
 def random_body(chance, depth=0):
@@ -84,18 +84,18 @@ def random_body(chance, depth=0):
     return f"<{tag}>{''.join(random_body(chance, depth + 1) for _ in range(count))}</{tag}>"
 
 
-def test_no_run_of_a_plain_tree_raises(tmp_path):
+def test_no_run_of_plain_tree_raises(tmp_path):
     chance, count = random.Random(1), 0  # noqa: S311
     for _ in range(rounds(150)):
-        tree = loaded(tmp_path, f'<Sequence><Script code="a := 1"/>{random_body(chance)}</Sequence>')
-        if plain(tree):
+        tree = load_body(tmp_path, f'<Sequence><Script code="a := 1"/>{random_body(chance)}</Sequence>')
+        if is_plain_tree(tree):
             count += 1
             binding = tree.binding()
             assert try_runs(tree, binding, SearchBudget(WORK), "verify") == []
     assert count > 20
 
 
-def test_a_plain_tree_is_checked_without_what_tries_runs(tmp_path):
+def test_plain_tree_is_checked_without_importing_simulation(tmp_path):
     path = tmp_path / "t.xml"
     path.write_text(document(PLAIN[1]), encoding="utf-8")
     program = (

@@ -1,4 +1,4 @@
-"""A run that is watched raises its alarms where the proof says that a property breaks, and nowhere else."""
+"""Tests of the run-time monitor: it raises alarms exactly where the proof finds a property violated."""
 
 import random
 from contextlib import suppress
@@ -33,7 +33,7 @@ PROPERTIES = """
 
 
 class Scripted:
-    """Answers what leaves have answered in a run."""
+    """Returns the outcomes of a given run."""
 
     def __init__(self, run):
         answered = (each for tick in run.ticks for each in tick.events if each.what == RETURNED)
@@ -44,8 +44,8 @@ class Scripted:
         return next(each for each in options if (each.status, each.label) == (status, label))
 
 
-class Told:
-    """Has a watch told of stub leaves, which say themselves which answers they give."""
+class LeafListener:
+    """Reports the outcomes of stub leaves to a monitor, with their labels."""
 
     def __init__(self, watch, leaves):
         self._watch, self._leaves = watch, leaves
@@ -62,7 +62,7 @@ class Told:
 def watch_robot(watch, robot):
     leaves = {leaf.number: leaf for leaf in robot.leaves}
     for number, leaf in leaves.items():
-        listen_to_leaf(leaf, number, Told(watch, leaves))
+        listen_to_leaf(leaf, number, LeafListener(watch, leaves))
 
 
 class Case:
@@ -85,8 +85,8 @@ class Case:
     def watch(self):
         return RuntimeMonitor(self.simulated(), self.file, TAGS)
 
-    def flown(self, run):
-        """Return the watch of a tree that was ticked, in which leaves answered as in a run."""
+    def replayed(self, run):
+        """Return the monitor of a tree whose leaves returned the outcomes of a run."""
         robot = self.simulated()
         watch = RuntimeMonitor(self.simulated(), self.file, TAGS, robot.compiled)
         watch_robot(watch, robot)
@@ -100,7 +100,7 @@ class Case:
 
 
 def broken_runs(case):
-    """Return the properties that do not hold, each with a run to its end."""
+    """Return the properties that do not hold, each with a finite run that violates it."""
     found = case.verified()
     names = case.watch().properties.names
     return {
@@ -110,25 +110,25 @@ def broken_runs(case):
     }
 
 
-OF_KEYS = "p5"
-"""Its condition reads a key, of which events alone say nothing."""
+KEY_PROPERTY = "p5"
+"""A property whose condition reads a key, which events alone do not contain."""
 
 
 def cases(count):
-    """Yield trees at random without timers, each with a name for messages."""
+    """Yield random trees without timers, each with a name for messages."""
     for seed in range(rounds(count)):
         branches = random_branches(seed)
         bodies = {"": (random_tree(seed), f"properties:{PROPERTIES}")}
         if "Timeout" not in branches and "Delay" not in branches:
             bodies[" of branches"] = branches, random_properties(branches, seed)
         for kind, (body, properties) in bodies.items():
-            with suppress(TreeError):  # what py_trees treats as an interruption may be skipped
+            with suppress(TreeError):  # a node could be skipped, which py_trees would treat as a halt
                 yield f"seed {seed}{kind}", Case(body, properties)
 
 
 @pytest.fixture(scope="module")
-def broken():
-    """Trees at random without timers, and runs that break their properties."""
+def violating_runs():
+    """Return random trees without timers, and runs that violate their properties."""
     return [
         (f"{which}: {name}", case, name, run)
         for which, case in cases(30)
@@ -137,25 +137,29 @@ def broken():
 
 
 @pytest.mark.unmeasured
-def test_a_tree_that_is_ticked_as_in_a_run_of_the_proof_raises_the_alarm_in_the_tick_that_breaks_the_property(
-    broken,
+def test_replayed_counterexample_raises_alarm_in_violating_tick(
+    violating_runs,
 ):
-    for which, case, name, run in broken:
-        alarms = {each.about: each.tick for each in case.flown(run).alarms}
+    for which, case, name, run in violating_runs:
+        alarms = {each.about: each.tick for each in case.replayed(run).alarms}
         assert alarms.get(name) == len(run.ticks), which
-    assert len(broken) > 60
+    assert len(violating_runs) > 60
 
 
 @pytest.mark.unmeasured
-def test_the_events_of_a_run_raise_the_same_alarms_at_the_same_events_as_the_tree_that_is_ticked(broken):
+def test_recorded_events_raise_same_alarms_as_ticked_tree(violating_runs):
     count = 0
-    for which, case, _, run in broken:
-        watch, flown = case.watch(), case.flown(run)
+    for which, case, _, run in violating_runs:
+        watch, replayed = case.watch(), case.replayed(run)
         for event in run.events:
             watch.process_event(event)
         told = [
-            [each for each in one.alarms if each.about != OF_KEYS and each.cause is not AlarmCause.UNJUDGED]
-            for one in (watch, flown)
+            [
+                each
+                for each in one.alarms
+                if each.about != KEY_PROPERTY and each.cause is not AlarmCause.UNJUDGED
+            ]
+            for one in (watch, replayed)
         ]
         assert told[0] == told[1], which
         count += len(told[0])
@@ -163,7 +167,7 @@ def test_the_events_of_a_run_raise_the_same_alarms_at_the_same_events_as_the_tre
 
 
 class ByChance:
-    """Answers anything that is possible; what goes on running is rarer."""
+    """Returns any possible outcome; RUNNING is less likely."""
 
     def __init__(self, seed):
         self._chance = random.Random(seed)  # noqa: S311 - the same in every run
@@ -174,7 +178,7 @@ class ByChance:
 
 
 @pytest.mark.costly
-def test_runs_by_chance_of_a_tree_whose_properties_are_proved_raise_no_alarm():
+def test_random_runs_of_proved_tree_raise_no_alarm():
     tree, ended = load("search_and_rescue_resilient"), 0
     for seed in range(rounds(100)):
         robot = stage_of(tree).play().simulated
@@ -191,65 +195,65 @@ def test_runs_by_chance_of_a_tree_whose_properties_are_proved_raise_no_alarm():
     assert ended > 0
 
 
-def taken(watch, *events):
-    """Have a watch take answers, each as the leaf's number with a status and perhaps a label; return its alarms in words."""
+def alarms_after(watch, *events):
+    """Report outcomes to a monitor, as (leaf number, status, label); return its alarms as sentences."""
     for number, status, *label in events:
         watch.on_before_event(number)
         watch.on_status(number, status, *label)
     return [each.sentence for each in watch.alarms]
 
 
-def watch_of(body, properties):
+def monitor_of(body, properties):
     return Case(body, properties).watch()
 
 
-def test_an_answer_that_the_facts_exclude_is_an_assumption_that_failed_told_once():
+def test_outcome_excluded_by_facts_violates_assumption_once():
     properties = (
         "facts: {left: 1}\noutcomes: {A: [{status: SUCCESS, when: left > 0, then: left -= 1}, FAILURE]}"
     )
-    watch = watch_of("<Sequence><A/><B/></Sequence>", properties)
-    assert taken(watch, (1, "SUCCESS")) == []
+    watch = monitor_of("<Sequence><A/><B/></Sequence>", properties)
+    assert alarms_after(watch, (1, "SUCCESS")) == []
     told = "Assumption failed: 'A' returns 'SUCCESS' only when left > 0 (left is 0)"
-    assert taken(watch, (1, "SUCCESS"), (1, "FAILURE"), (1, "SUCCESS")) == [told]
+    assert alarms_after(watch, (1, "SUCCESS"), (1, "FAILURE"), (1, "SUCCESS")) == [told]
 
 
-def test_an_answer_that_a_leaf_has_not_declared_is_an_assumption_that_failed():
-    watch = watch_of("<A/>", "outcomes: {A: [{status: SUCCESS, label: yes}, {status: SUCCESS, label: no}]}")
-    assert taken(watch, (0, "SUCCESS", "yes")) == []
-    assert taken(watch, (0, "FAILURE"), (0, "SUCCESS", "perhaps"), (0, "SUCCESS")) == [
+def test_undeclared_outcome_violates_assumption():
+    watch = monitor_of("<A/>", "outcomes: {A: [{status: SUCCESS, label: yes}, {status: SUCCESS, label: no}]}")
+    assert alarms_after(watch, (0, "SUCCESS", "yes")) == []
+    assert alarms_after(watch, (0, "FAILURE"), (0, "SUCCESS", "perhaps"), (0, "SUCCESS")) == [
         "Assumption failed: 'A' returns only yes, no, but returned FAILURE",
         "Assumption failed: 'A' returns only yes, no, but returned perhaps",
         "Assumption failed: 'A' reports the label of each returned outcome (yes, no)",
     ]
 
 
-def test_what_is_owed_is_broken_by_an_end_and_open_where_the_run_is_stopped():
+def test_pending_property_is_violated_at_end_and_open_if_run_is_stopped():
     properties = "properties: {p: {after: A SUCCESS, eventually: B SUCCESS}}\nend: root == 'SUCCESS' && idle"
     for is_over, alarms in ((True, ["Property violated: p (pending at the end)"]), (False, [])):
-        watch = watch_of("<Sequence><A/><B/></Sequence>", properties)
-        assert taken(watch, (1, "SUCCESS")) == []
+        watch = monitor_of("<Sequence><A/><B/></Sequence>", properties)
+        assert alarms_after(watch, (1, "SUCCESS")) == []
         watch.end_tick("SUCCESS")
         assert (watch.pending_properties, watch.alarms) == (["p"], [])
         watch.conclude(is_over=is_over)
         assert [each.sentence for each in watch.alarms] == alarms
 
 
-def test_what_a_condition_reads_and_nobody_has_written_is_told_once_and_counts_as_false():
-    watch = watch_of(
+def test_condition_with_unwritten_key_is_reported_once_and_is_false():
+    watch = monitor_of(
         "<Sequence><A/><Script code='n := 1'/></Sequence>",
         "properties: {p: {never: A SUCCESS, while: n == 1}}",
     )
-    (told,) = taken(watch, (1, "SUCCESS"), (1, "SUCCESS"))
+    (told,) = alarms_after(watch, (1, "SUCCESS"), (1, "SUCCESS"))
     assert told.startswith("Not monitored: p: 'n == 1' cannot be evaluated")
     assert watch.broken == set()
 
 
-def test_the_run_that_led_to_an_alarm_leaves_out_what_came_in_the_tick_before_as_well():
-    watch = watch_of("<Sequence><A/><B/></Sequence>", "properties: {p: {never: B SUCCESS}}")
+def test_alarm_omits_repeated_outcomes_of_earlier_ticks():
+    watch = monitor_of("<Sequence><A/><B/></Sequence>", "properties: {p: {never: B SUCCESS}}")
     for _ in range(3):
-        taken(watch, (1, "RUNNING"))
+        alarms_after(watch, (1, "RUNNING"))
         watch.end_tick("RUNNING")
-    taken(watch, (1, "SUCCESS"), (2, "SUCCESS"))
+    alarms_after(watch, (1, "SUCCESS"), (2, "SUCCESS"))
     (alarm,) = watch.alarms
     assert [(each.tick, each.number, each.action) for each in alarm.run] == [
         (1, 1, "RUNNING"),
@@ -259,7 +263,7 @@ def test_the_run_that_led_to_an_alarm_leaves_out_what_came_in_the_tick_before_as
     assert (alarm.event, alarm.tick, alarm.number) == ("B SUCCESS", 4, 2)
 
 
-def test_the_first_answer_of_a_leaf_can_be_one_that_assumptions_exclude():
+def test_first_outcome_can_violate_assumption():
     case = Case('<Y name="y"/>', "properties: {p: {never: y FAILURE}}")
     watch = case.watch()
     watch.on_start(0)
@@ -270,31 +274,31 @@ def test_the_first_answer_of_a_leaf_can_be_one_that_assumptions_exclude():
     assert [each.action for each in alarm.run] == ["counted"]
 
 
-def test_a_condition_that_goes_on_finding_the_same_takes_from_a_limit_once():
+def test_condition_with_unchanged_outcome_consumes_limit_once():
     held = "outcomes: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><P/><B/></Sequence>", held)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for _ in range(5):
-        assert taken(watch, (1, "FAILURE", "held")) == []
+        assert alarms_after(watch, (1, "FAILURE", "held")) == []
         watch.end_tick("FAILURE")
-    taken(watch, (1, "SUCCESS"))
+    alarms_after(watch, (1, "SUCCESS"))
     watch.end_tick("RUNNING")
-    assert taken(watch, (1, "FAILURE", "held")) == [
+    assert alarms_after(watch, (1, "FAILURE", "held")) == [
         "Assumption failed: 'P' returns 'held' only when left > 0 (left is 0)"
     ]
 
 
-def test_a_condition_that_finds_twice_in_a_tick_what_it_found_in_the_last_one_takes_nothing_again():
+def test_condition_repeated_within_tick_consumes_limit_once():
     held = "outcomes: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><P/><B/></Sequence>", held)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for answers in (1, 2):
         for _ in range(answers):
-            assert taken(watch, (1, "FAILURE", "held")) == []
+            assert alarms_after(watch, (1, "FAILURE", "held")) == []
         watch.end_tick("FAILURE")
 
 
-def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_script_that_counts_once():
+def test_script_that_counts_once_consumes_limit_of_unchanged_condition():
     lost = "{status: FAILURE, label: lost, when: away || left > 0, then: 'left -= away ? 0 : 1; away = true'}"
     answers = (
         f"outcomes: {{P: [{{status: SUCCESS, then: away = false}}, {lost}]}}\nfacts: {{left: 1, away: false}}"
@@ -302,82 +306,82 @@ def test_a_limit_that_a_condition_goes_on_exceeding_is_spent_all_the_same_by_a_s
     case = Case("<Sequence><P/><B/></Sequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for _ in range(3):
-        assert taken(watch, (1, "FAILURE", "lost")) == []
+        assert alarms_after(watch, (1, "FAILURE", "lost")) == []
         watch.end_tick("FAILURE")
-    taken(watch, (1, "SUCCESS"))
+    alarms_after(watch, (1, "SUCCESS"))
     watch.end_tick("RUNNING")
-    (told,) = taken(watch, (1, "FAILURE", "lost"))
+    (told,) = alarms_after(watch, (1, "FAILURE", "lost"))
     assert told.endswith("(away is 0, left is 0)")
 
 
-def test_what_a_condition_finds_again_after_a_tick_without_it_takes_again():
+def test_condition_consumes_limit_again_after_tick_without_it():
     answers = "outcomes: {P: [SUCCESS, {status: FAILURE, label: held, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><P/><B/></Sequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
-    assert taken(watch, (1, "FAILURE", "held")) == []
+    assert alarms_after(watch, (1, "FAILURE", "held")) == []
     watch.end_tick("FAILURE")
     watch.end_tick("FAILURE")
-    assert taken(watch, (1, "FAILURE", "held")) == [
+    assert alarms_after(watch, (1, "FAILURE", "held")) == [
         "Assumption failed: 'P' returns 'held' only when left > 0 (left is 0)"
     ]
 
 
-def test_what_goes_on_is_judged_as_it_was_when_it_began_last():
+def test_unchanged_outcome_is_judged_as_at_its_last_start():
     held = "{status: FAILURE, label: held, when: left == turn, then: left -= 1}"
     answers = f"outcomes: {{P: [{{status: SUCCESS, then: turn -= 1}}, {held}]}}\nfacts: {{left: 2, turn: 2}}"
     case = Case("<Sequence><P/><B/></Sequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
     for answer in ((1, "FAILURE", "held"), (1, "SUCCESS"), (1, "FAILURE", "held"), (1, "FAILURE", "held")):
-        assert taken(watch, answer) == []
+        assert alarms_after(watch, answer) == []
         watch.end_tick("FAILURE")
 
 
-def test_an_action_takes_from_a_limit_each_time():
+def test_action_consumes_limit_each_time():
     answers = "outcomes: {A: [SUCCESS, {status: FAILURE, label: lost, when: left > 0, then: left -= 1}]}\nfacts: {left: 1}"
     case = Case("<Sequence><A/><B/></Sequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
-    assert taken(watch, (1, "FAILURE", "lost")) == []
+    assert alarms_after(watch, (1, "FAILURE", "lost")) == []
     watch.end_tick("FAILURE")
-    assert taken(watch, (1, "FAILURE", "lost")) == [
+    assert alarms_after(watch, (1, "FAILURE", "lost")) == [
         "Assumption failed: 'A' returns 'lost' only when left > 0 (left is 0)"
     ]
 
 
-def test_a_condition_that_takes_from_no_limit_is_judged_by_what_is_left_now():
+def test_condition_without_limit_is_judged_by_current_facts():
     seen = "[FAILURE, {status: SUCCESS, label: fine, when: left > 0, then: seen = true}]"
     answers = (
         f"outcomes: {{P: {seen}, B: [{{status: RUNNING, then: left -= 1}}]}}\nfacts: {{left: 1, seen: false}}"
     )
     case = Case("<ReactiveSequence><P/><B/></ReactiveSequence>", answers)
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["left"])
-    assert taken(watch, (1, "SUCCESS", "fine"), (2, "RUNNING")) == []
+    assert alarms_after(watch, (1, "SUCCESS", "fine"), (2, "RUNNING")) == []
     watch.end_tick("RUNNING")
-    assert taken(watch, (1, "SUCCESS", "fine")) == [
+    assert alarms_after(watch, (1, "SUCCESS", "fine")) == [
         "Assumption failed: 'P' returns 'fine' only when left > 0 (left is 0)"
     ]
 
 
-def test_one_condition_that_goes_on_gives_others_nothing_back():
+def test_unchanged_condition_does_not_restore_limits_of_others():
     answers = "[SUCCESS, {status: FAILURE, label: no, when: %s > 0, then: %s -= 1}]"
     case = Case(
         "<Fallback><P name='one'/><P name='other'/></Fallback>",
         f"outcomes: {{one: {answers % ('a', 'a')}, other: {answers % ('b', 'b')}}}\nfacts: {{a: 1, b: 1}}",
     )
     watch = RuntimeMonitor(case.simulated(), case.file, TAGS, limits=["a", "b"])
-    assert taken(watch, (1, "FAILURE", "no"), (2, "FAILURE", "no")) == []
+    assert alarms_after(watch, (1, "FAILURE", "no"), (2, "FAILURE", "no")) == []
     watch.end_tick("FAILURE")
-    assert taken(watch, (1, "FAILURE", "no"), (2, "SUCCESS")) == []
+    assert alarms_after(watch, (1, "FAILURE", "no"), (2, "SUCCESS")) == []
     watch.end_tick("SUCCESS")
-    assert taken(watch, (1, "FAILURE", "no"), (2, "FAILURE", "no")) == [
+    assert alarms_after(watch, (1, "FAILURE", "no"), (2, "FAILURE", "no")) == [
         "Assumption failed: 'other' returns 'no' only when b > 0 (b is 0)"
     ]
 
 
-def test_what_nobody_has_written_is_said_to_be_unknown_where_an_answer_is_excluded():
+def test_unwritten_key_is_unknown_in_violated_assumption():
     answers = (
         "outcomes: {A: [{status: SUCCESS, when: 'left > 0 ? n == 1 : false'}, FAILURE]}\nfacts: {left: 0}"
     )
-    watch = watch_of("<Sequence><A/><Script code='n := 1'/></Sequence>", answers)
-    assert taken(watch, (1, "SUCCESS")) == [
+    watch = monitor_of("<Sequence><A/><Script code='n := 1'/></Sequence>", answers)
+    assert alarms_after(watch, (1, "SUCCESS")) == [
         "Assumption failed: 'A' returns 'SUCCESS' only when left > 0 ? n == 1 : false (left is 0, n is unknown)"
     ]

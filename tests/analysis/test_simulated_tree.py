@@ -1,4 +1,4 @@
-"""A tree as it flies, but with leaves that answer what is chosen."""
+"""Tests of simulated trees: real controls, with stub leaves that return chosen outcomes."""
 
 import pytest
 from py_trees import behaviours, composites
@@ -47,7 +47,7 @@ def outcomes_of(simulated, name):
     return [leaf.outcomes for leaf in simulated.leaves if leaf.name == name]
 
 
-def test_leaves_of_a_mission_answer_and_their_node_ros_is_not_asked_for():
+def test_mission_leaves_are_simulated_without_ros_node():
     simulated = simulated_tree(PATROL)
     assert [leaf.tag for leaf in simulated.leaves] == [
         "ZonesRemaining",
@@ -59,19 +59,19 @@ def test_leaves_of_a_mission_answer_and_their_node_ros_is_not_asked_for():
     assert type(simulated.root) is composites.Sequence
 
 
-def test_leaves_of_the_language_are_the_real_ones():
+def test_built_in_leaves_are_not_simulated():
     simulated = simulated_tree('<Sequence><Script code="a := 1"/><Success/><Sleep msec="500"/></Sequence>')
     assert simulated.leaves == ()
     assert isinstance(simulated.root.children[1], behaviours.Success)
     assert simulated.root.children[2].node_class is SleepNode
 
 
-def test_a_leaf_that_answers_by_chance_answers_what_is_chosen():
+def test_random_leaf_is_simulated():
     (leaf,) = simulated_tree("<ProbabilisticBehaviour/>").leaves
     assert [answer.status for answer in leaf.outcomes] == ["SUCCESS", "FAILURE", "RUNNING"]
 
 
-def test_durations_are_measured_with_a_clock_that_is_moved_by_hand():
+def test_durations_use_manual_clock():
     simulated = simulated_tree('<Sleep msec="60000"/>')
     simulated.root.tick_once()
     assert simulated.root.status == Status.RUNNING
@@ -80,7 +80,7 @@ def test_durations_are_measured_with_a_clock_that_is_moved_by_hand():
     assert simulated.root.status == Status.SUCCESS
 
 
-def test_facts_begin_as_the_leaves_say():
+def test_facts_have_initial_values_of_leaves():
     assert simulated_tree(PATROL).fact_values() == {
         "zones_left": 3,
         "at": "",
@@ -90,11 +90,11 @@ def test_facts_begin_as_the_leaves_say():
     }
 
 
-def test_facts_that_are_assumed_take_their_place():
+def test_assumed_facts_replace_initial_values():
     assert simulated_tree(PATROL, facts={"zones_left": 1}).fact_values()["zones_left"] == 1
 
 
-def test_a_day_without_surprises_goes_through_every_zone():
+def test_nominal_run_visits_every_zone():
     simulated = simulated_tree(PATROL)
     for _ in range(3):
         simulated.root.tick_once()
@@ -104,7 +104,7 @@ def test_a_day_without_surprises_goes_through_every_zone():
     assert simulated.fact_values()["zones_left"] == 0
 
 
-def test_an_outcome_policy_decides_for_every_leaf():
+def test_outcome_policy_decides_for_every_leaf():
     class Last:
         def choose(self, leaf, options):
             return options[-1]
@@ -117,7 +117,7 @@ def test_an_outcome_policy_decides_for_every_leaf():
     assert simulated_tree("<Success/>").policy is None
 
 
-def test_two_searches_of_one_name_have_facts_of_their_own():
+def test_searches_of_same_name_have_separate_facts():
     text = """<root BTCPP_format="4" main_tree_to_execute="Main">
     <BehaviorTree ID="Main"><Sequence><SubTree ID="Look" name="first"/><SubTree ID="Look" name="second"/></Sequence>
     </BehaviorTree>
@@ -146,15 +146,15 @@ def test_two_searches_of_one_name_have_facts_of_their_own():
         ("Go/Patrol", 0),
     ],
 )
-def test_a_leaf_is_named_by_a_path_by_its_name_or_by_its_tag(key, rank):
+def test_leaf_matches_its_path_name_or_tag(key, rank):
     assert match_rank(key, ("Main", "Patrol", "Go"), "NavigateToZone") == rank
 
 
-def test_what_is_assumed_of_a_name_counts_before_what_is_assumed_of_a_tag():
+def test_assumption_by_name_takes_precedence_over_tag():
     body = '<Sequence><NavigateToZone/><NavigateToZone name="Back"/></Sequence>'
     one, other = (Outcome("SUCCESS", "one"),), (Outcome("FAILURE", "other"),)
     simulated = simulated_tree(body, outcomes={"Back": other, "NavigateToZone": one})
-    # The first node is called as its tag is.
+    # The name of the first node equals its tag.
     assert outcomes_of(simulated, "NavigateToZone") + outcomes_of(simulated, "Back") == [one, other]
 
 
@@ -163,13 +163,13 @@ PALETTE = """<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree><Tr
 </TreeNodesModel></root>"""
 
 
-def test_a_leaf_that_is_only_described_answers_what_its_kind_can():
+def test_described_leaf_has_outcomes_of_its_kind():
     grab, full = simulated_file(PALETTE.format("<Sequence><Grab/><Full/></Sequence>")).leaves
     assert [answer.status for answer in grab.outcomes] == ["SUCCESS", "FAILURE", "RUNNING"]
     assert [answer.status for answer in full.outcomes] == ["SUCCESS", "FAILURE"]
 
 
-def test_controls_and_decorators_that_are_only_described_are_nothing_to_play():
+def test_described_controls_and_decorators_cannot_be_simulated():
     with pytest.raises(UnknownBehaviourError) as error:
         simulated_file(PALETTE.format("<Both><Twice><Grab/></Twice><Twice><Full/></Twice></Both>"))
     assert [
@@ -188,7 +188,7 @@ def test_controls_and_decorators_that_are_only_described_are_nothing_to_play():
     ]
 
 
-def test_what_stands_for_a_described_node_has_its_defaults_and_none_of_the_ports_that_are_written():
+def test_replacement_of_described_node_has_its_own_defaults():
     model = (
         '<Control ID="Recover"><input_port name="memory" type="int"/></Control>'
         '<Decorator ID="Rate"><input_port name="hz" type="double"/><output_port name="code"/></Decorator>'
@@ -205,7 +205,7 @@ def test_what_stands_for_a_described_node_has_its_defaults_and_none_of_the_ports
     assert simulated.root.status == Status.SUCCESS
 
 
-def test_a_parameter_that_is_missing_says_where_a_value_is_given():
+def test_missing_parameter_is_reported_with_how_to_set_it():
     with pytest.raises(TreeError, match=r"the mission has no parameter 'patience'") as error:
         simulated_tree('<Timeout duration="{@patience}"><NavigateToZone/></Timeout>')
     hint = error.value.findings[0].hint
@@ -218,7 +218,7 @@ def test_a_parameter_that_is_missing_says_where_a_value_is_given():
 
 
 class Wait(Behaviour):
-    """A leaf that wants a value."""
+    """A leaf with a parameter."""
 
     def __init__(self, name: str, sec: float = 1.0) -> None:
         super().__init__(name)
@@ -228,20 +228,20 @@ class Wait(Behaviour):
 
 
 def registry_with(**leaves):
-    """Return the registry with further leaves: what `register` is told of each, by their tags."""
+    """Return the registry with further leaves, given as the arguments of `register` by tag."""
     registry = Registry(default_registry().specs())
     for tag, said in leaves.items():
         registry.add(getattr(register(tag, kind=Kind.ACTION, **said)(type(tag, (Wait,), {})), MARK))
     return registry
 
 
-def test_a_leaf_that_answers_needs_no_parameters():
+def test_simulated_leaf_needs_no_parameters():
     (leaf,) = simulated_tree('<Pause sec="{@patience}"/>', registry=registry_with(Pause={})).leaves
     assert isinstance(leaf, StubLeaf)
 
 
 class Loud(Decorator):
-    """A decorator that wants something of the mission."""
+    """A decorator that needs a context object of the mission."""
 
     def __init__(self, name: str, child: Behaviour, radio: Radio) -> None:
         super().__init__(name, child)
@@ -251,7 +251,7 @@ class Loud(Decorator):
         return self.decorated.status
 
 
-def test_a_decorator_of_ones_own_is_made_for_real_with_a_stand_in_for_what_the_mission_has():
+def test_own_decorator_is_real_and_receives_preview_context():
     registry = Registry(default_registry().specs())
     registry.add(getattr(register("Loud", kind=Kind.DECORATOR)(Loud), MARK))
     simulated = simulated_tree("<Loud><NavigateToZone/></Loud>", registry=registry)
@@ -261,7 +261,7 @@ def test_a_decorator_of_ones_own_is_made_for_real_with_a_stand_in_for_what_the_m
     assert simulated.root.status == Status.SUCCESS
 
 
-def test_a_described_leaf_may_be_assumed_to_skip():
+def test_described_leaf_can_be_assumed_to_skip():
     text = PALETTE.format("<Sequence><Grab/><Success/></Sequence>")
     simulated = simulated_file(text, outcomes={"Grab": (Outcome("SKIPPED"),)})
     simulated.root.tick_once()
@@ -269,7 +269,7 @@ def test_a_described_leaf_may_be_assumed_to_skip():
     assert simulated.leaves[0].skipped
 
 
-def test_leaves_that_start_a_fact_differently_are_a_dispute_until_somebody_settles_it():
+def test_conflicting_initial_facts_are_disputed_until_set():
     body = "<Sequence><One/><Two/></Sequence>"
     registry = registry_with(One={"facts": {"left": 1}}, Two={"facts": {"left": 2}})
     disputed = simulated_tree(body, registry=registry)
@@ -288,31 +288,31 @@ def test_leaves_that_start_a_fact_differently_are_a_dispute_until_somebody_settl
         (' attempts="{@tries}"', "tried often enough"),
     ],
 )
-def test_a_placeholder_for_a_whole_number_has_the_value_that_is_written(written, possible):
+def test_integer_placeholder_has_written_value(written, possible):
     simulated = simulated_tree(f"<PostponeZone{written}/>", {"tries": 1})
     assert [answer.label for answer in simulated.leaves[0].options()] == [possible]
 
 
-def test_a_number_that_is_a_constant_of_the_subtree_takes_the_place_of_its_placeholder():
+def test_constant_of_subtree_replaces_placeholder():
     inner = '<BehaviorTree ID="Inner"><PostponeZone attempts="{tries}"/></BehaviorTree>'
     outer = '<BehaviorTree ID="Outer"><SubTree ID="Inner" tries="1"/></BehaviorTree>'
     text = f'<root BTCPP_format="4" main_tree_to_execute="Outer">{outer}{inner}</root>'
     assert [answer.label for answer in simulated_file(text).leaves[0].options()] == ["tried often enough"]
 
 
-def test_a_parameter_for_a_placeholder_that_nobody_gives_is_a_finding():
+def test_missing_parameter_of_placeholder_is_reported():
     with pytest.raises(TreeError, match="attempts: the mission has no parameter 'tries'"):
         simulated_tree('<PostponeZone attempts="{@tries}"/>')
 
 
-def test_a_tree_that_can_skip_is_made_of_nodes_that_know_it():
+def test_tree_that_can_skip_uses_nodes_that_support_skipping():
     simulated = simulated_tree('<Sequence><NavigateToZone _skipIf="true"/><Success/></Sequence>')
     simulated.root.tick_once()
     assert simulated.root.status == Status.SUCCESS
     assert simulated.events == []
 
 
-def test_a_forest_may_be_simulated_as_often_as_wanted():
+def test_binding_can_be_simulated_repeatedly():
     binding = bind_main(forest("<AdvanceZone/>"), default_registry())
     one, other = compile_simulated(binding, {}), compile_simulated(binding, {})
     one.root.tick_once()
@@ -320,7 +320,7 @@ def test_a_forest_may_be_simulated_as_often_as_wanted():
 
 
 class Strict(Decorator):
-    """A decorator of a user's, which knows nothing of skipped children."""
+    """A decorator of a user that does not support skipped children."""
 
     def __init__(self, name: str, child: Behaviour) -> None:
         super().__init__(name, child)
@@ -329,7 +329,7 @@ class Strict(Decorator):
         return self.decorated.status
 
 
-def test_a_described_leaf_skips_below_a_class_of_ones_own_only_where_somebody_says_so():
+def test_described_leaf_skips_below_own_class_only_if_declared():
     registry = Registry(default_registry().specs())
     registry.add(getattr(register("Strict", kind=Kind.DECORATOR)(Strict), MARK))
     text = PALETTE.format("<Strict><Grab/></Strict>")

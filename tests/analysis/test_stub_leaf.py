@@ -1,4 +1,4 @@
-"""A leaf that stands for a real one, and answers what somebody chooses."""
+"""Tests of stub leaves, which replace real ones and return outcomes that a policy chooses."""
 
 import pytest
 from py_trees.common import Status
@@ -20,8 +20,8 @@ NOWHERE = Outcome("FAILURE", "nowhere", when="left == 0")
 DRIVING = Outcome("RUNNING", "driving", when="left > 0")
 
 
-class Following:
-    """Chooses by the labels that it was given, one after the other."""
+class LabelPolicy:
+    """Chooses outcomes by a list of labels, in order."""
 
     def __init__(self, *labels):
         self.labels = list(labels)
@@ -47,27 +47,27 @@ def keys():
 
 
 @pytest.fixture
-def made(facts, keys):
+def make_leaf(facts, keys):
     def make(*answers):
         return StubLeaf("Go", "Drive", answers, FactVariables(facts, keys, Enums()), Enums())
 
     return make
 
 
-def deeds(leaf):
+def events_of(leaf):
     return [(event.what, event.outcome or None) for event in leaf.events]
 
 
-def test_only_the_answers_whose_condition_is_true_can_be_chosen(made):
-    leaf = made(ARRIVED, NOWHERE, DRIVING)
-    leaf.policy = Following("driving", "arrived", "nowhere")
+def test_only_outcomes_with_true_condition_can_be_chosen(make_leaf):
+    leaf = make_leaf(ARRIVED, NOWHERE, DRIVING)
+    leaf.policy = LabelPolicy("driving", "arrived", "nowhere")
     for _ in range(3):
         leaf.tick_once()
     assert leaf.policy.asked == [(ARRIVED, DRIVING), (ARRIVED, DRIVING), (NOWHERE,)]
 
 
-def test_an_answer_changes_facts_which_keep_their_type(made, facts):
-    leaf = made(ARRIVED)
+def test_outcome_changes_facts_which_keep_their_type(make_leaf, facts):
+    leaf = make_leaf(ARRIVED)
     leaf.tick_once()
     assert leaf.status == Status.SUCCESS
     assert leaf.feedback_message == "arrived"
@@ -75,8 +75,8 @@ def test_an_answer_changes_facts_which_keep_their_type(made, facts):
     assert type(facts.resolve("left").read()) is int
 
 
-def test_scripts_over_facts_alone_are_run_in_their_quick_form_and_others_as_they_are(made):
-    leaf = made(ARRIVED, Outcome("SUCCESS", "moved", then="goal := left"))
+def test_only_scripts_over_facts_alone_use_fast_runner(make_leaf):
+    leaf = make_leaf(ARRIVED, Outcome("SUCCESS", "moved", then="goal := left"))
     variables = leaf.variables
     assert leaf.is_possible(ARRIVED)
     leaf.change(ARRIVED)
@@ -87,8 +87,8 @@ def test_scripts_over_facts_alone_are_run_in_their_quick_form_and_others_as_they
     assert variables.fast_runner(leaf._effects[leaf.outcomes[1]]) is None
 
 
-def test_a_leaf_that_is_given_other_variables_changes_those(made, facts, keys):
-    leaf = made(ARRIVED)
+def test_leaf_with_other_variables_changes_those(make_leaf, facts, keys):
+    leaf = make_leaf(ARRIVED)
     leaf.change(ARRIVED)
     others = Scope(Board("test_other_facts"))
     others.resolve("left").write(5)
@@ -98,8 +98,8 @@ def test_a_leaf_that_is_given_other_variables_changes_those(made, facts, keys):
     assert (facts.resolve("left").read(), others.resolve("left").read()) == (0, 4)
 
 
-def test_a_board_that_is_numbered_afterwards_is_written_as_such(made, facts):
-    leaf = made(ARRIVED)
+def test_board_numbered_later_is_written_through_its_cells(make_leaf, facts):
+    leaf = make_leaf(ARRIVED)
     assert leaf.is_possible(ARRIVED)
     entries = EntryCells()
     NumberedBoard.from_board(facts.board, entries)
@@ -110,25 +110,25 @@ def test_a_board_that_is_numbered_afterwards_is_written_as_such(made, facts):
     assert not leaf.is_possible(ARRIVED)
 
 
-def test_a_name_that_is_no_fact_is_a_key_of_the_tree(made, facts, keys):
+def test_name_that_is_not_fact_is_key_of_tree(make_leaf, facts, keys):
     keys.resolve("battery").write(20)
-    leaf = made(Outcome("SUCCESS", when="battery < 30", then="goal := battery + left"))
+    leaf = make_leaf(Outcome("SUCCESS", when="battery < 30", then="goal := battery + left"))
     leaf.tick_once()
     assert keys.resolve("goal").read() == 21
     assert not facts.resolve("goal").exists
 
 
-def test_what_a_leaf_does_is_noted(made):
-    leaf = made(ARRIVED, DRIVING)
-    leaf.policy = Following("driving", "driving")
+def test_events_of_leaf_are_recorded(make_leaf):
+    leaf = make_leaf(ARRIVED, DRIVING)
+    leaf.policy = LabelPolicy("driving", "driving")
     leaf.tick_once()
     leaf.tick_once()
     leaf.stop(Status.INVALID)
-    assert deeds(leaf) == [(STARTED, None), (RETURNED, "driving"), (RETURNED, "driving"), (HALTED, None)]
+    assert events_of(leaf) == [(STARTED, None), (RETURNED, "driving"), (RETURNED, "driving"), (HALTED, None)]
 
 
-def test_an_answer_whose_script_cannot_be_run_is_noted_with_what_it_has_changed(made):
-    leaf = made(Outcome("SUCCESS", "yes", then="at = 'zone'; left = 'x'"))
+def test_outcome_with_failing_script_is_recorded_with_its_changes(make_leaf):
+    leaf = make_leaf(Outcome("SUCCESS", "yes", then="at = 'zone'; left = 'x'"))
     with pytest.raises(StubLeafError):
         leaf.tick_once()
     assert [(event.action, event.facts) for event in leaf.events] == [
@@ -137,26 +137,26 @@ def test_an_answer_whose_script_cannot_be_run_is_noted_with_what_it_has_changed(
     ]
 
 
-def test_a_leaf_that_has_finished_is_not_halted(made):
-    leaf = made(ARRIVED)
+def test_finished_leaf_is_not_halted(make_leaf):
+    leaf = make_leaf(ARRIVED)
     leaf.tick_once()
     leaf.stop(Status.INVALID)
-    assert (HALTED, None) not in deeds(leaf)
+    assert (HALTED, None) not in events_of(leaf)
 
 
-def test_an_answer_can_be_that_the_leaf_is_skipped(made):
-    leaf = made(Outcome("SKIPPED", "not today"))
+def test_outcome_can_be_skipped(make_leaf):
+    leaf = make_leaf(Outcome("SKIPPED", "not today"))
     leaf.tick_once()
     assert leaf.skipped
     assert leaf.status == Status.INVALID
 
 
-def test_a_leaf_without_a_possible_answer_says_what_each_would_need(made, facts):
+def test_leaf_without_possible_outcome_reports_all_conditions(make_leaf, facts):
     facts.resolve("left").write(-1)
     with pytest.raises(
         StubLeafError, match=r"'Go' \(Drive\) has no possible outcome .*'arrived' when left > 0, 'nowhere'"
     ):
-        made(ARRIVED, NOWHERE).tick_once()
+        make_leaf(ARRIVED, NOWHERE).tick_once()
 
 
 @pytest.mark.parametrize(
@@ -166,6 +166,6 @@ def test_a_leaf_without_a_possible_answer_says_what_each_would_need(made, facts)
         (Outcome("SUCCESS", "yes", then="left = 'x'"), "then"),
     ],
 )
-def test_a_script_that_cannot_be_run_names_leaf_answer_and_script(made, answer, part):
+def test_failing_script_is_reported_with_leaf_outcome_and_script(make_leaf, answer, part):
     with pytest.raises(StubLeafError, match=rf"'Go' \(Drive\), outcome 'yes': {part} '"):
-        made(answer).tick_once()
+        make_leaf(answer).tick_once()

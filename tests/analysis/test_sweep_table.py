@@ -1,4 +1,4 @@
-"""The means in the table of a sweep."""
+"""Tests of the means in the table of a sweep."""
 
 import json
 
@@ -13,13 +13,13 @@ def row(*counts: dict[str, float]) -> SweepRow:
     return SweepRow({}, lambda _seeds: [], outcomes)
 
 
-def test_what_a_run_does_not_have_is_not_counted_as_nothing() -> None:
+def test_missing_count_is_not_zero_in_mean() -> None:
     played = row({"finds": 1, "first": 10.0}, {"finds": 0}, {"finds": 1, "first": 30.0}, {"finds": 0})
     (said,) = json.loads(sweep_as_json([played], RULE, None, None))["rows"]
     assert said["means"] == {"finds": 0.5, "first": 20.0}
 
 
-def test_a_mean_has_half_the_width_of_its_confidence_interval() -> None:
+def test_mean_has_margin_of_confidence_interval() -> None:
     played = row({"first": 10.0}, {"first": 20.0}, {"first": 30.0}, {"first": 40.0})
     (said,) = json.loads(sweep_as_json([played], RULE, None, None))["rows"]
     # 1.96 standard deviations (12.91) over the square root of 4.
@@ -27,7 +27,7 @@ def test_a_mean_has_half_the_width_of_its_confidence_interval() -> None:
     assert sweep_as_text([played], RULE, None, None).splitlines()[1].endswith("25.00 ± 12.65")
 
 
-def test_the_mean_of_one_run_has_no_interval() -> None:
+def test_mean_of_one_run_has_no_margin() -> None:
     played = row({"first": 10.0})
     (said,) = json.loads(sweep_as_json([played], RULE, None, None))["rows"]
     assert said["margins"] == {"first": None}

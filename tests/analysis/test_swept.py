@@ -1,4 +1,4 @@
-"""Scenarios by chance, played by seed, and the smallest one that fails."""
+"""Tests of random scenarios, played by seed, and of the smallest failing scenario."""
 
 import pickle
 from pathlib import Path
@@ -49,19 +49,19 @@ def runs(scenario=DAY, unusual=0.05, counted=("NotifyBase acknowledged",), tree=
     )
 
 
-def missed(play, seed=0):
-    """Return the words of the expectations that a run does not meet."""
+def failed_expectations(play, seed=0):
+    """Return the keys of the expectations that a run does not meet."""
     (outcome,) = play([seed])
     return [each.split(":")[0] for each in outcome.failure.split("; ") if ": " in each]
 
 
-def test_what_comes_of_a_seed_does_not_depend_on_the_seeds_before_it():
+def test_result_of_seed_does_not_depend_on_earlier_seeds():
     copied = pickle.loads(pickle.dumps(runs()))  # noqa: S301 - it is ours
     assert runs()(range(6)) == [outcome for seed in reversed(range(6)) for outcome in copied([seed])][::-1]
 
 
-def outcomes_alone(play, seeds):
-    """Return what comes of each seed where its run is the only one of a worker."""
+def outcomes_with_new_workers(play, seeds):
+    """Return the outcome of each seed if its run is the only one of a worker."""
     outcomes = []
     for seed in seeds:
         _cached_runs.cache_clear()
@@ -69,8 +69,8 @@ def outcomes_alone(play, seeds):
     return outcomes
 
 
-def test_a_tree_that_remembers_too_much_is_made_anew(monkeypatch):
-    expected = outcomes_alone(runs(), range(5))
+def test_tree_with_too_many_choices_is_rebuilt(monkeypatch):
+    expected = outcomes_with_new_workers(runs(), range(5))
     monkeypatch.setattr(reused_tree, "_MAX_CHOICES", 1)
     _cached_runs.cache_clear()
     assert runs()(range(5)) == expected
@@ -78,7 +78,7 @@ def test_a_tree_that_remembers_too_much_is_made_anew(monkeypatch):
 
 @register("CountsItself", kind=Kind.DECORATOR)
 class CountsItself(Decorator):
-    """Fails from its third tick on, which it counts where nobody sees it."""
+    """Fails from its third tick on, which it counts in a nested list."""
 
     def __init__(self, name: str, child: Behaviour) -> None:
         super().__init__(name, child)
@@ -91,7 +91,7 @@ class CountsItself(Decorator):
 
 @register("CountsByItself", kind=Kind.DECORATOR)
 class CountsByItself(StockDecorator):
-    """Does the same, ticked by methods of its own."""
+    """Does the same with its own `update` method, as a stock py_trees decorator."""
 
     ticks = 0
 
@@ -101,7 +101,7 @@ class CountsByItself(StockDecorator):
 
 
 @pytest.mark.parametrize("cls", [CountsItself, CountsByItself])
-def test_what_a_node_of_the_users_keeps_to_itself_is_gone_with_its_run(tmp_path, cls):
+def test_internal_state_of_own_node_does_not_outlast_run(tmp_path, cls):
     tree = tmp_path / "tree.xml"
     tree.write_text(document(f"<{cls.__name__}><NavigateToZone/></{cls.__name__}>"), encoding="utf-8")
     added = CommandLineSettings(nodes=(cls,))
@@ -110,19 +110,19 @@ def test_what_a_node_of_the_users_keeps_to_itself_is_gone_with_its_run(tmp_path,
     assert not any(outcome.failure for outcome in play([3, 3, 3, 3]))
 
 
-def test_a_run_that_cannot_be_finished_says_why_as_simulate_does():
+def test_run_with_error_has_same_message_as_simulate():
     play = runs("facts: {zones_left: 0}\nleaves: {ZonesRemaining: SUCCESS}", 0.1)
     (outcome,) = play([0])
     assert outcome.failure == "run: " + failures(play.play(0).run)[0].message
     assert "'ZonesRemaining?' cannot return 'SUCCESS' here" in outcome.failure
 
 
-def test_the_events_asked_for_are_counted():
+def test_requested_events_are_counted():
     outcomes = runs("facts: {zones_left: 3}\nuntil: zones_left == 0", unusual=0.0)([0])
     assert outcomes[0].counts == {"NotifyBase acknowledged": 3}
 
 
-def test_an_event_that_never_happens_is_a_finding():
+def test_unknown_event_is_reported():
     play = runs(counted=("NotifyBase acknowleged",))
     with pytest.raises(TreeError, match="did you mean 'acknowledged'"):
         play.events(play.understood().simulated)
@@ -130,26 +130,26 @@ def test_an_event_that_never_happens_is_a_finding():
 
 @settings(max_examples=rounds(8))
 @given(st.integers(0, 10_000))
-def test_the_smallest_scenario_fails_as_its_run_has_and_leaves_nothing_to_chance(seed):
-    if not missed(runs(), seed):
+def test_smallest_scenario_fails_like_its_run_without_randomness(seed):
+    if not failed_expectations(runs(), seed):
         return
     text = smallest_scenario(runs(), seed)
     assert text is not None
     small = runs(text, unusual=0.0)
     assert not small.has_randomness()
-    assert missed(small) == missed(runs(), seed)
+    assert failed_expectations(small) == failed_expectations(runs(), seed)
 
 
-def test_the_smallest_scenario_has_only_what_makes_it_fail():
+def test_smallest_scenario_contains_only_cause_of_failure():
     said = "until: zones_left == 0\nexpect: {never: [NotifyBase refused]}"
     play = runs(said, unusual=0.3)
-    seed = next(seed for seed in range(100) if missed(play, seed) == ["never"])
+    seed = next(seed for seed in range(100) if failed_expectations(play, seed) == ["never"])
     text = smallest_scenario(play, seed)
     assert text is not None
     assert text.endswith("leaves:\n  NotifyBase:\n  - outcome: refused\n")
 
 
-def test_two_leaves_of_one_path_have_no_scenario(tmp_path):
+def test_two_leaves_of_same_path_have_no_scenario(tmp_path):
     tree = tmp_path / "tree.xml"
     tree.write_text(
         '<root BTCPP_format="4"><BehaviorTree ID="A"><Selector name="S">'
@@ -157,28 +157,28 @@ def test_two_leaves_of_one_path_have_no_scenario(tmp_path):
         encoding="utf-8",
     )
     play = runs("expect: {never: [x aborted], root: FAILURE}", 0.5, (), tree)
-    seed = next(seed for seed in range(100) if missed(play, seed) == ["root", "never"])
+    seed = next(seed for seed in range(100) if failed_expectations(play, seed) == ["root", "never"])
     assert smallest_scenario(play, seed) is None
 
 
-def test_chances_and_durations_between_two_are_what_chance_decides():
+def test_probabilities_and_duration_intervals_are_random():
     assert not runs("ticks: 9", 0.0).has_randomness()
     assert runs("ticks: 9", 0.1).has_randomness()
     assert runs("leaves: {NavigateToZone: {outcome: arrived, after: 1s to 2s}}", 0.0).has_randomness()
     assert runs("leaves: {NavigateToZone: {outcome: aborted, probability: 0.5}}", 0.0).has_randomness()
 
 
-def test_what_is_varied_is_put_into_the_scenario_and_a_trace_is_left_out():
+def test_varied_values_are_inserted_and_trace_is_omitted():
     said = {"facts": {"a": 1, "b": 2}, "expect": {"root": "FAILURE", "trace": "x.txt"}}
     assert change_scenario(said, {"facts": {"b": 3}}) == "facts:\n  a: 1\n  b: 3\nexpect:\n  root: FAILURE\n"
 
 
-def test_without_expectations_and_an_end_of_its_own_the_root_must_succeed():
+def test_root_must_succeed_without_expectations_and_until():
     assert change_scenario({}, {}) == "expect:\n  root: SUCCESS\n"
     assert change_scenario({}, {"until": "tick == 3"}) == "until: tick == 3\n"
 
 
-def test_a_tree_that_has_changed_since_the_sweep_began_is_not_played(tmp_path):
+def test_tree_changed_after_start_of_sweep_is_not_played(tmp_path):
     tree = tmp_path / "tree.xml"
     tree.write_text(document("<NavigateToZone/>"), encoding="utf-8")
     play = runs("ticks: 9", 0.1, (), tree)

@@ -1,4 +1,4 @@
-"""The trace of a scripted run, as an operator reads it."""
+"""Tests of the reports of a scripted run: trace, verdict, coverage, JUnit and JSON."""
 
 import json
 from xml.etree import ElementTree as ET
@@ -25,7 +25,7 @@ expect: {root: FAILURE}
 """
 
 
-def test_only_ticks_in_which_something_new_happens_are_shown():
+def test_only_ticks_with_new_events_are_shown():
     run = played(f"{WAITS}ticks: 7")
     assert trace(run).splitlines()[:11] == [
         "tick 1, 0 s: root RUNNING",
@@ -42,7 +42,7 @@ def test_only_ticks_in_which_something_new_happens_are_shown():
     ]
 
 
-def test_what_is_done_again_in_ticks_without_news_is_said_in_their_line():
+def test_repeated_events_are_summarized_in_one_line():
     text = "until: tick == 4\nleaves: {NavigateToZone: aborted}"
     body = '<Sequence memory="false"><ZonesRemaining/><NavigateToZone/></Sequence>'
     assert trace(played(text, body)).splitlines()[3:5] == [
@@ -51,7 +51,7 @@ def test_what_is_done_again_in_ticks_without_news_is_said_in_their_line():
     ]
 
 
-def test_facts_and_keys_are_written_as_a_script_would():
+def test_facts_and_keys_are_written_as_in_scripts():
     body = (
         "<Sequence><Script code=\"goal := 2.5; place := 'here'\"/><NavigateToBase/><AdvanceZone/></Sequence>"
     )
@@ -66,18 +66,18 @@ def test_facts_and_keys_are_written_as_a_script_would():
     ]
 
 
-def test_a_run_that_does_not_end_says_so():
+def test_run_without_end_is_shown_as_aborted():
     text = trace(played("ticks: 2\nleaves: {NavigateToBase: RUNNING}", "<NavigateToBase/>"))
     assert "aborted without an end after tick 2 (0.5 s): root RUNNING" in text
 
 
-def test_a_run_that_cannot_go_on_says_why():
+def test_run_with_error_shows_reason():
     text = trace(played("name: x", '<Script code="a = 1"/>'))
     assert text.startswith("tick 1, 0 s: not finished\n")
     assert "aborted in tick 1 (0 s): 'Script'" in text
 
 
-def test_namesakes_are_told_apart_by_what_is_around_them():
+def test_leaves_of_same_name_are_distinguished_by_parent():
     body = """<Sequence name="Main"><Sequence name="Out"><NavigateToZone/></Sequence>
     <Sequence name="Home"><NavigateToZone/><NavigateToBase/></Sequence></Sequence>"""
     run = played("name: x", body)
@@ -88,12 +88,12 @@ def test_namesakes_are_told_apart_by_what_is_around_them():
     ]
 
 
-def test_namesakes_side_by_side_are_numbered():
+def test_sibling_leaves_of_same_name_are_numbered():
     run = played("name: x", "<Sequence><NavigateToBase/><NavigateToBase/></Sequence>")
     assert list(leaf_labels(run.simulated.leaves).values()) == ["NavigateToBase (1)", "NavigateToBase (2)"]
 
 
-def test_the_verdict_names_the_line_of_every_expectation_that_does_not_hold():
+def test_verdict_names_line_of_every_failed_expectation():
     run = played("expect:\n  root: FAILURE\n  never: AdvanceZone advanced", "<AdvanceZone/>")
     assert verdict(run, failures(run)).splitlines() == [
         "scenario.yaml: 'scenario' does not hold:",
@@ -103,7 +103,7 @@ def test_the_verdict_names_the_line_of_every_expectation_that_does_not_hold():
     assert verdict(run, []) == "scenario.yaml: 'scenario' holds."
 
 
-def test_coverage_is_counted_and_what_is_missing_has_its_line():
+def test_coverage_is_counted_and_missing_parts_have_locations():
     collected = OutcomeCoverage()
     collected.add(played("name: x", "<Selector><AdvanceZone/><Success/></Selector>"))
     assert coverage_text(collected).splitlines() == [
@@ -113,7 +113,7 @@ def test_coverage_is_counted_and_what_is_missing_has_its_line():
     ]
 
 
-def parts():
+def played_scenarios():
     good = played("name: good", "<AdvanceZone/>")
     bad = played("name: <bad> &\nexpect: {root: FAILURE}", "<AdvanceZone/>")
     return [
@@ -123,16 +123,16 @@ def parts():
     ]
 
 
-def test_junit_has_a_test_case_for_each_scenario():
-    suites = ET.fromstring(junit("tree.xml", parts()))  # noqa: S314 - it is ours
+def test_junit_has_test_case_for_each_scenario():
+    suites = ET.fromstring(junit("tree.xml", played_scenarios()))  # noqa: S314 - it is ours
     (suite,) = suites
     assert suite.attrib == {"name": "tree.xml", "tests": "3", "failures": "1", "errors": "1", "time": "0.000"}
     assert [case.attrib["name"] for case in suite] == ["good", "<bad> &", "worse.yaml"]
     assert [case[0].tag for case in suite] == ["system-out", "failure", "error"]
 
 
-def test_a_failure_in_junit_has_what_does_not_hold_and_the_trace():
-    (failure,) = ET.fromstring(junit("tree.xml", parts())).iter("failure")  # noqa: S314 - it is ours
+def test_junit_failure_has_failed_expectations_and_trace():
+    (failure,) = ET.fromstring(junit("tree.xml", played_scenarios())).iter("failure")  # noqa: S314 - it is ours
     said = (
         "scenario.yaml:2: root: the status of the root is SUCCESS in the last tick, but FAILURE was expected"
     )
@@ -141,14 +141,14 @@ def test_a_failure_in_junit_has_what_does_not_hold_and_the_trace():
     assert failure.text.startswith(f"{said}\n\ntick 1, 0 s: root SUCCESS\n")
 
 
-def test_what_xml_cannot_have_is_replaced():
-    (error,) = ET.fromstring(junit("tree.xml", parts())).iter("error")  # noqa: S314 - it is ours
+def test_characters_invalid_in_xml_are_replaced():
+    (error,) = ET.fromstring(junit("tree.xml", played_scenarios())).iter("error")  # noqa: S314 - it is ours
     assert error.text == "no\N{REPLACEMENT CHARACTER} scenario"
 
 
-def test_json_has_every_tick_and_what_was_not_covered():
+def test_json_has_every_tick_and_missing_coverage():
     collected = OutcomeCoverage()
-    scenarios = parts()
+    scenarios = played_scenarios()
     collected.add(scenarios[0].run)
     data = json.loads(runs_as_json("tree.xml", scenarios, collected))
     good, bad, worse = data["scenarios"]

@@ -1,4 +1,4 @@
-"""`validate` tries the runs of a tree in which a tick can raise, and tells what is raised, and where."""
+"""Tests of trying runs: `validate` tries the runs of a tree, and reports the errors that ticks raise."""
 
 import subprocess
 import sys
@@ -22,16 +22,16 @@ AFTER_A_FAILURE = (
 ALWAYS = "<Script code=\"x := 'goal'; x *= 2\"/>"
 
 
-def tried(folder, body, budget=None):
-    """Return what a tick of some run of a sequence raises."""
+def findings_of_runs(folder, body, budget=None):
+    """Return the findings about errors that a tick of a sequence can raise."""
     (folder / "palette.xml").write_text(PALETTE)
     (folder / "tree.xml").write_text(document(f"<Sequence>\n{body}\n</Sequence>"))
     tree = load(folder / "tree.xml", models=[folder / "palette.xml"])
     return try_tree(tree, lambda: budget or SearchBudget(WORK))
 
 
-def found(folder, body):
-    return [(each.code, each.severity.value, *each.span[:2]) for each in tried(folder, body)]
+def finding_locations(folder, body):
+    return [(each.code, each.severity.value, *each.span[:2]) for each in findings_of_runs(folder, body)]
 
 
 @pytest.mark.parametrize(
@@ -42,8 +42,8 @@ def found(folder, body):
         ("<AlwaysSuccess _skipIf=\"x := 'a'; x * 2 > 2\"/>", 4, 35),
     ],
 )
-def test_what_every_run_raises_is_an_error_at_its_place(tmp_path, body, line, column):
-    assert found(tmp_path, body) == [("failing-tick", "error", line, column)]
+def test_error_in_every_run_is_reported_at_its_location(tmp_path, body, line, column):
+    assert finding_locations(tmp_path, body) == [("failing-tick", "error", line, column)]
 
 
 @pytest.mark.parametrize(
@@ -54,10 +54,10 @@ def test_what_every_run_raises_is_an_error_at_its_place(tmp_path, body, line, co
         '<Parallel success_count="{many}"><AlwaysSuccess/></Parallel>',
     ],
 )
-def test_what_a_node_raises_itself_has_its_place_there(tmp_path, node):
+def test_error_raised_by_node_is_reported_at_node(tmp_path, node):
     body = f"<Script code=\"x := 'a'; n := 0; many := n + 7\"/>\n{node}"
-    assert [each[0] for each in found(tmp_path, body)] == ["failing-tick"]
-    assert [each[2] for each in found(tmp_path, body)] == [5]
+    assert [each[0] for each in finding_locations(tmp_path, body)] == ["failing-tick"]
+    assert [each[2] for each in finding_locations(tmp_path, body)] == [5]
 
 
 GIVEN = (
@@ -79,23 +79,23 @@ GIVEN = (
         (GIVEN.format("later"), "failing-tick"),
     ],
 )
-def test_what_raises_because_of_a_mistake_that_is_told_is_not_told_again(tmp_path, text, code):
+def test_error_with_known_cause_is_not_reported_again(tmp_path, text, code):
     (tmp_path / "tree.xml").write_text(text)
     tree = load(tmp_path / "tree.xml")
     (finding,) = [*tree.check(), *try_tree(tree, lambda: SearchBudget(WORK))]
     assert finding.code.startswith(code)
 
 
-def test_what_a_run_raises_only_after_an_answer_of_a_palettes_leaf_is_a_warning(tmp_path):
+def test_error_after_outcome_of_described_leaf_is_warning(tmp_path):
     body = f'{AFTER_A_FAILURE}<Script code="x += 1"/>'
-    assert found(tmp_path, body) == [("failing-tick", "warning", 5, 15)]
-    (finding,) = tried(tmp_path, body)
+    assert finding_locations(tmp_path, body) == [("failing-tick", "warning", 5, 15)]
+    (finding,) = findings_of_runs(tmp_path, body)
     assert finding.message.endswith("(in tick 1: 'Drive' FAILURE)")
 
 
-def test_two_nodes_of_one_name_are_told_apart(tmp_path):
+def test_nodes_of_same_name_are_distinguished(tmp_path):
     body = '<Script code="x := \'a\'"/>\n<Script code="x := \'b\'"/>\n<Script code="y := x * 2"/>'
-    assert [each[2] for each in found(tmp_path, body)] == [6]
+    assert [each[2] for each in finding_locations(tmp_path, body)] == [6]
 
 
 @pytest.mark.parametrize(
@@ -108,8 +108,8 @@ def test_two_nodes_of_one_name_are_told_apart(tmp_path):
         '<ScriptCondition code="goal == 1"/>',
     ],
 )
-def test_what_others_may_write_and_what_is_written_in_time_is_no_finding(tmp_path, body):
-    assert found(tmp_path, body) == []
+def test_external_or_earlier_writes_are_not_reported(tmp_path, body):
+    assert finding_locations(tmp_path, body) == []
 
 
 SET = '<SetBlackboardVariable variable_name="x" variable_value="{}"/>'
@@ -130,28 +130,29 @@ EXISTS = '<CheckBlackboardVariableExists variable_name="x"/>'
         '<StatusToBlackboard variable_name="x"><Success/></StatusToBlackboard><BlackboardToStatus variable_name="x"/>',
     ],
 )
-def test_nodes_of_py_trees_have_the_same_keys_as_all_others(tmp_path, body):
+def test_py_trees_nodes_share_keys_with_all_others(tmp_path, body):
     raising = ALWAYS.replace("x", "z")
-    assert found(tmp_path, f"<Fallback><Sequence>{body}</Sequence>{raising}</Fallback>") == []
+    assert finding_locations(tmp_path, f"<Fallback><Sequence>{body}</Sequence>{raising}</Fallback>") == []
 
 
-def test_what_is_found_with_some_work_is_found_with_more_and_nothing_with_too_little(tmp_path):
+def test_finding_needs_sufficient_work_and_stays_with_more(tmp_path):
     body = f'{AFTER_A_FAILURE}<Script code="x += 1"/>'
     enough = SearchBudget(WORK)
-    (finding,) = tried(tmp_path, body, enough)
+    (finding,) = findings_of_runs(tmp_path, body, enough)
     is_found = [
-        tried(tmp_path, body, SearchBudget(work)) == [finding] for work in range(0, enough.spent + 1, 400)
+        findings_of_runs(tmp_path, body, SearchBudget(work)) == [finding]
+        for work in range(0, enough.spent + 1, 400)
     ]
     assert is_found == sorted(is_found)
     assert (is_found[0], is_found[-1]) == (False, True)
 
 
-def test_each_place_is_told_once(tmp_path):
+def test_each_location_is_reported_once(tmp_path):
     body = (
         '<Script code="x := \'a\'"/>\n<Fallback><Drive/><Script code="x += 1"/></Fallback>\n'
         '<Drive/><Script code="y := x - 1"/>'
     )
-    assert [each[2:] for each in found(tmp_path, body)] == [(5, 33), (6, 28)]
+    assert [each[2:] for each in finding_locations(tmp_path, body)] == [(5, 33), (6, 28)]
 
 
 TWO_TREES = (
@@ -163,44 +164,44 @@ ENDLESS = (
 )
 
 
-# Enough for a tree that ends; another one takes all of it.
+# Enough for a tree that ends; an endless one uses all of it.
 LITTLE_WORK = WORK // 16
 
 
-def found_in_two(folder, one, two, more=""):
+def findings_in_two_trees(folder, one, two, more=""):
     (folder / "two.xml").write_text(TWO_TREES.format(one=one, two=two, more=more))
     return try_tree(load(folder / "two.xml"), lambda: SearchBudget(LITTLE_WORK))
 
 
-def test_every_tree_that_may_be_executed_is_tried_and_has_its_share_of_the_work(tmp_path):
-    (finding,) = found_in_two(tmp_path, ENDLESS, ALWAYS)
+def test_every_possible_main_tree_is_tried_with_its_share_of_work(tmp_path):
+    (finding,) = findings_in_two_trees(tmp_path, ENDLESS, ALWAYS)
     assert finding.span.line == 3
     assert finding.hint == "sar-compile verify --tree Two shows the run tick by tick"
 
 
-def test_the_command_that_shows_a_run_can_be_given_to_a_shell(tmp_path):
+def test_suggested_command_is_quoted_for_shell(tmp_path):
     text = TWO_TREES.format(one=ENDLESS, two=ALWAYS, more="").replace('"Two"', '"To go home"')
     (tmp_path / "two.xml").write_text(text)
     (finding,) = try_tree(load(tmp_path / "two.xml"), lambda: SearchBudget(LITTLE_WORK))
     assert finding.hint == "sar-compile verify --tree 'To go home' shows the run tick by tick"
 
 
-def test_where_there_is_a_main_tree_it_alone_is_tried(tmp_path):
-    assert found_in_two(tmp_path, ENDLESS, ALWAYS, ' main_tree_to_execute="One"') == []
+def test_only_main_tree_is_tried_if_there_is_one(tmp_path):
+    assert findings_in_two_trees(tmp_path, ENDLESS, ALWAYS, ' main_tree_to_execute="One"') == []
 
 
-def test_a_tree_that_another_one_uses_is_tried_in_its_place(tmp_path):
-    (finding,) = found_in_two(tmp_path, '<SubTree ID="Two"/>', ALWAYS)
+def test_subtree_is_tried_through_tree_that_uses_it(tmp_path):
+    (finding,) = findings_in_two_trees(tmp_path, '<SubTree ID="Two"/>', ALWAYS)
     assert finding.hint == "sar-compile verify --tree One shows the run tick by tick"
 
 
-def test_of_a_tree_that_is_too_large_nothing_is_even_prepared(tmp_path):
+def test_too_large_tree_is_not_tried(tmp_path):
     budget = SearchBudget(WORK)
-    assert tried(tmp_path, '<Script code="x := 1"/>' * 5000 + ALWAYS, budget) == []
+    assert findings_of_runs(tmp_path, '<Script code="x := 1"/>' * 5000 + ALWAYS, budget) == []
     assert budget.spent == 0
 
 
-def test_what_the_runs_of_several_files_raise_in_one_place_is_told_once(tmp_path, capsys):
+def test_error_found_through_several_files_is_reported_once(tmp_path, capsys):
     (tmp_path / "inner.xml").write_text(document("<Script code=\"x := 'a'; x *= 2\"/>", main="Inner"))
     body = '<Sequence><AlwaysSuccess/><Sleep msec="1"/><SubTree ID="Inner"/></Sequence>'
     outer = document(body).replace("<BehaviorTree", '<include path="inner.xml"/><BehaviorTree', 1)
@@ -222,7 +223,7 @@ class Ask(Behaviour):
 """
 
 
-def test_trees_of_the_leaves_that_their_configurations_name_are_tried(tmp_path, capsys):
+def test_leaves_of_each_configuration_are_used(tmp_path, capsys):
     for name in ("One", "Two"):
         folder = tmp_path / name
         folder.mkdir()
@@ -235,17 +236,17 @@ def test_trees_of_the_leaves_that_their_configurations_name_are_tried(tmp_path, 
     assert capsys.readouterr().out.count("(in tick 1: 'Ask") == 2
 
 
-def test_a_tree_without_keys_and_scripts_is_not_tried(tmp_path):
-    def none():
+def test_tree_without_keys_and_scripts_is_not_tried(tmp_path):
+    def unexpected_budget():
         raise AssertionError
 
     (tmp_path / "tree.xml").write_text(
         document('<Sequence><AlwaysSuccess name="a"/><AlwaysFailure/></Sequence>')
     )
-    assert try_tree(load(tmp_path / "tree.xml"), none) == []
+    assert try_tree(load(tmp_path / "tree.xml"), unexpected_budget) == []
 
 
-def test_validate_tells_it_and_no_deep_leaves_it_out(tmp_path, capsys):
+def test_validate_reports_errors_of_runs_unless_no_deep(tmp_path, capsys):
     file = tmp_path / "tree.xml"
     file.write_text(document(ALWAYS))
     assert main(["validate", str(file)]) == 1
@@ -254,7 +255,7 @@ def test_validate_tells_it_and_no_deep_leaves_it_out(tmp_path, capsys):
     assert main(["validate", str(file), "--no-deep"]) == 0
 
 
-def test_checking_alone_tries_no_runs(tmp_path):
+def test_check_alone_tries_no_runs(tmp_path):
     file = tmp_path / "tree.xml"
     file.write_text(document(ALWAYS))
     program = (

@@ -32,7 +32,7 @@ TYPES = {
     "Status": "BT::NodeStatus",
     "Colour": "Colour",
 }
-"""The types by the names of the leaves, as a model names them. `Pose`, `Path` and `Colour` (an enumeration) are a user's own."""
+"""The types by the names of the leaves. `Pose`, `Path` and `Colour` (an enumeration) are user-defined."""
 CONSTANTS = (
     *("3", "1", "-1", "300", "70000", "5000000000", "3.5", "1e3", "007", "+5", "inf"),
     *("true", "x", "1;2;3", 'json:{"a":1}', "SUCCESS"),

@@ -248,7 +248,7 @@ WORDS = {
         "",
     ),
     "attributes without a blank between": ("<B c='1'd='2'/>", 9, "a space is missing", ""),
-    "a character that nobody sees": (
+    "an invisible character": (
         "<B c\u200b='1'/>",
         5,
         "U+200B (zero width space) is invisible",

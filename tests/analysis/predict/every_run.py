@@ -1,4 +1,4 @@
-"""Every run that a small tree can have by its chances, played one after the other on a clock, each with how likely it is."""
+"""Enumerates every possible run of a small tree with its probability, one run after another."""
 
 import math
 from itertools import pairwise
@@ -12,11 +12,11 @@ from tests.analysis.verify.stage import bound, simulated_tree
 
 
 class TooManyRunsError(Exception):
-    """A tree has too many runs, or some that are too long."""
+    """A tree has too many runs, or runs that are too long."""
 
 
 class PlayedTick(NamedTuple):
-    """What happened in a tick: its time, what leaves have answered, and the root's status."""
+    """A tick: its time, the outcomes of leaves, and the root's status."""
 
     now: float
     answers: tuple[tuple[int, str, str], ...]
@@ -24,21 +24,21 @@ class PlayedTick(NamedTuple):
 
 
 class PlayedRun(NamedTuple):
-    """A run: its ticks, how likely it is, and whether it has succeeded."""
+    """A run: its ticks, its probability, and whether it succeeded."""
 
     ticks: tuple[PlayedTick, ...]
     p: float
     succeeded: bool
 
 
-class _Decided:
-    """Stands for the source of chance: takes what was decided for a run, and the first possibility from there on."""
+class _EnumeratedChoices:
+    """Replaces the random source: repeats the choices of a run, then takes each first option."""
 
     def __init__(self):
         self.path, self.counts, self.at, self.p = [], [], 0, 1.0
 
     def _pick(self, options):
-        """Return one of some options, each with how likely it is."""
+        """Return one of some options, each given with its probability."""
         if self.at == len(self.path):
             self.path.append(0)
             self.counts.append(len(options))
@@ -51,15 +51,15 @@ class _Decided:
         return [self._pick([each for each in zip(population, weights, strict=True) if each[1] > 0.0])]
 
     def uniform(self, low, high):
-        """Return the middle of one of the times between two ticks."""
+        """Return the middle of one of the intervals between ticks."""
         if low == high:
             return low
         grid = [n * PERIOD_SEC for n in range(math.floor(low / PERIOD_SEC) + 1, math.ceil(high / PERIOD_SEC))]
         ends = [low, *grid, high]
         return self._pick([((a + b) / 2, (b - a) / (high - low)) for a, b in pairwise(ends)])
 
-    def go_on(self):
-        """Decide otherwise in the last place where that can be; return whether there is one."""
+    def advance(self):
+        """Move to the next combination of choices; return whether there is one."""
         while self.path and self.path[-1] + 1 == self.counts[-1]:
             self.path.pop(), self.counts.pop()
         if self.path:
@@ -72,9 +72,9 @@ def every_run(body, monkeypatch, *, most=1500, max_ticks=60):
     """Return all runs of a tree.
 
     Raises:
-        TooManyRunsError: If there are more than so many, or some that have not ended by then.
+        TooManyRunsError: If there are more than `most` runs, or some have not ended after `max_ticks` ticks.
     """
-    decided = _Decided()
+    decided = _EnumeratedChoices()
     monkeypatch.setattr(scenario_run, "Random", lambda _seed: decided)
     tree = ReusedTree(simulated_tree(bound(body), file_of(body, CHANCES)))
     runs: list[PlayedRun] = []
@@ -82,12 +82,12 @@ def every_run(body, monkeypatch, *, most=1500, max_ticks=60):
         run = tree.play(Scenario(period_sec=PERIOD_SEC, max_ticks=max_ticks)).run
         if not run.ended or run.trouble or len(runs) == most:
             raise TooManyRunsError(body)
-        runs.append(PlayedRun(tuple(map(_played, run.ticks)), decided.p, run.root == "SUCCESS"))
-        if not decided.go_on():
+        runs.append(PlayedRun(tuple(map(_played_tick, run.ticks)), decided.p, run.root == "SUCCESS"))
+        if not decided.advance():
             return runs
 
 
-def _played(tick):
+def _played_tick(tick):
     end = tick.events[-1]
     answers = tuple((event.number, event.status, event.label) for event in tick.events if event.outcome)
     return PlayedTick(end.time_sec, answers, end.status)

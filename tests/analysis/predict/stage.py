@@ -25,15 +25,15 @@ Z: [{outcome: SUCCESS, p: 0.9, sec: 1.2}, {outcome: FAILURE, p: 0.1}]
 
 
 def file_of(body, chances, rest=""):
-    """Return a file of properties that gives the leaves of a tree their chances, a line for each, and says the rest."""
+    """Return a properties file that gives the leaves of a tree their probabilities, followed by `rest`."""
     tags = set(re.findall(r"<(\w+)", body))
     lines = [line for line in chances.split("\n") if line.partition(":")[0] in tags]
     text = "\n".join(["outcomes:" if lines else "outcomes: {}", *(f"  {line}" for line in lines), rest])
     return parse_property_file(text, "props.yaml")
 
 
-def assumed(body, chances, rest):
-    """Return a simulated tree whose leaves have chances, and the file that says them."""
+def compile_with_probabilities(body, chances, rest):
+    """Return a simulated tree whose leaves have probabilities, and the file that defines them."""
     file, binding = file_of(body, chances, rest), bound(body)
     with file.document.prefer_findings():
         plain = compile_simulated(binding, {}, all_runs=True)
@@ -43,12 +43,12 @@ def assumed(body, chances, rest):
 
 def predicted(body, chances=CHANCES, rest="", *, max_states=100_000):
     """Predict a tree."""
-    simulated, file = assumed(body, chances, rest)
+    simulated, file = compile_with_probabilities(body, chances, rest)
     return predict(simulated, file, TAGS, PERIOD_SEC, max_states)
 
 
 def played(body, runs, *, max_ticks=300):
-    """Play a tree by chance so often; return how many runs have succeeded, how many have ended, and the time of each of these."""
+    """Play a tree `runs` times; return the number of successes, of ended runs, and the times of these."""
     simulated = simulated_tree(bound(body), file_of(body, CHANCES))
     tree = ReusedTree(simulated)
     ends = [
@@ -59,7 +59,7 @@ def played(body, runs, *, max_ticks=300):
 
 
 def random_timed_tree(seed):
-    """Return the elements of a tree with leaves that take time, some of them under a limit or side by side with others."""
+    """Return the elements of a tree whose leaves take time, some with a time limit or in parallel."""
     chance = random.Random(seed)  # noqa: S311 - the same in every run
     around = chance.choice(
         [
@@ -73,6 +73,6 @@ def random_timed_tree(seed):
     body = around.format(random_tree(seed))
     try:
         bound(body)
-    except TreeError:  # a node would be skipped that its parent takes for interrupted
+    except TreeError:  # a node could be skipped, which its parent would treat as an interruption
         return random_timed_tree(seed + _OTHERS)
     return body

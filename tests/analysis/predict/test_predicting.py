@@ -1,4 +1,4 @@
-"""What is to be expected of runs: closed forms, bounds, times, what matters, and the same by playing."""
+"""Tests of predictions: closed forms, bounds, times, influences, and the same values by simulation."""
 
 import math
 import re
@@ -21,7 +21,7 @@ C: [{outcome: SUCCESS, p: 0.5}]
 """
 
 
-def exactly(low, high=None):
+def approx_interval(low, high=None):
     return pytest.approx((low, low if high is None else high), abs=1e-9)
 
 
@@ -37,62 +37,64 @@ def exactly(low, high=None):
         ('<Parallel success_count="2" failure_count="2"><A/><B/><C/></Parallel>', None),
     ],
 )
-def test_independent_leaves_have_the_chance_that_is_reckoned_by_hand(body, chance):
+def test_independent_leaves_match_closed_form(body, chance):
     if chance is None:
-        # Two of three: the third is not asked once the first two agree.
+        # Two of three: the third is not ticked once the first two agree.
         chance = 0.9 * 0.8 + 0.9 * 0.2 * 0.5 + 0.1 * 0.8 * 0.5
     found = predicted(body, INDEPENDENT)
-    assert found.success == exactly(chance)
-    assert found.ends == exactly(1.0)
+    assert found.success == approx_interval(chance)
+    assert found.ends == approx_interval(1.0)
     assert found.complete
 
 
-def test_answers_that_are_not_named_share_what_the_others_leave():
-    assert predicted("<Inverter><A/></Inverter>", "A: [{outcome: SUCCESS, p: 0.75}]").success == exactly(0.25)
+def test_unlisted_outcomes_share_remaining_probability():
+    assert predicted(
+        "<Inverter><A/></Inverter>", "A: [{outcome: SUCCESS, p: 0.75}]"
+    ).success == approx_interval(0.25)
 
 
-def test_a_chance_between_two_gives_bounds():
+def test_probability_interval_gives_bounds():
     found = predicted(
         "<Sequence><A/><B/></Sequence>",
         "A: [{outcome: SUCCESS, p: [0.6, 0.9]}]\nB: [{outcome: SUCCESS, p: 0.8}]",
     )
-    assert found.success == exactly(0.6 * 0.8, 0.9 * 0.8)
+    assert found.success == approx_interval(0.6 * 0.8, 0.9 * 0.8)
 
 
-def test_a_leaf_of_which_nothing_is_known_does_its_best_and_its_worst():
+def test_leaf_without_probabilities_gives_best_and_worst_case():
     found = predicted("<Fallback><A/><B/></Fallback>", "B: [{outcome: SUCCESS, p: 0.8}]")
-    assert found.success == exactly(0.8, 1.0)
+    assert found.success == approx_interval(0.8, 1.0)
     assert found.unknown == (("Fallback", "A"),)
 
 
-def test_the_worst_of_what_is_not_known_may_go_on_for_ever():
+def test_worst_case_of_unknown_leaf_can_run_forever():
     found = predicted("<FailureIsRunning><A/></FailureIsRunning>", "")
-    assert found.ends == exactly(0.0, 1.0)
-    assert found.success == exactly(0.0, 1.0)
+    assert found.ends == approx_interval(0.0, 1.0)
+    assert found.success == approx_interval(0.0, 1.0)
 
 
-def test_a_chance_above_0_comes_one_day():
+def test_retry_with_positive_probability_succeeds_eventually():
     found = predicted("<FailureIsRunning><A/></FailureIsRunning>", "A: [{outcome: SUCCESS, p: 0.01}]")
-    assert found.success == exactly(1.0)
-    # A tick for each try, and the first one is at once.
-    assert found.time_sec == exactly(99 * PERIOD_SEC)
+    assert found.success == approx_interval(1.0)
+    # One tick for each attempt, and the first one is at once.
+    assert found.time_sec == approx_interval(99 * PERIOD_SEC)
 
 
-def test_answers_that_are_impossible_now_leave_their_chance_to_the_others():
+def test_impossible_outcomes_leave_their_probability_to_others():
     text = "Y: [{outcome: counted, p: 0.5}, {outcome: FAILURE, p: 0.5}]\nX: [{outcome: SUCCESS, p: 1}]"
     # Nothing was counted yet, so Y cannot count back; then it can.
-    assert predicted("<Y/>", text).success == exactly(0.0)
-    assert predicted("<Sequence><X/><Y/></Sequence>", text).success == exactly(0.5)
+    assert predicted("<Y/>", text).success == approx_interval(0.0)
+    assert predicted("<Sequence><X/><Y/></Sequence>", text).success == approx_interval(0.5)
 
 
 @pytest.mark.parametrize(
     ("limit_msec", "chance"),
     [(2500, 0.0), (3000, 0.25), (3500, 0.5), (4000, 0.75), (4001, 1.0)],
 )
-def test_a_limit_and_a_leaf_that_takes_time_meet_as_in_flight(limit_msec, chance):
-    # The leaf ends by 2.5, 3, 3.5 or 4 s, each as likely; the limit is looked at before it is.
+def test_timeout_and_leaf_duration_interact_as_in_run(limit_msec, chance):
+    # The leaf ends by 2.5, 3, 3.5 or 4 s with equal probability; the limit is checked before the leaf ends.
     text = "A: [{outcome: SUCCESS, p: 1, sec: [2, 4]}]"
-    assert predicted(f'<Timeout msec="{limit_msec}"><A/></Timeout>', text).success == exactly(chance)
+    assert predicted(f'<Timeout msec="{limit_msec}"><A/></Timeout>', text).success == approx_interval(chance)
 
 
 @pytest.mark.parametrize(
@@ -108,19 +110,19 @@ def test_a_limit_and_a_leaf_that_takes_time_meet_as_in_flight(limit_msec, chance
         ([None, None], [(0.0, 1.0), (0.0, 1.0)]),
     ],
 )
-def test_chances_of_what_is_possible_now_add_up(answers, bounds):
+def test_probabilities_of_possible_outcomes_add_up(answers, bounds):
     found = probabilities([Outcome("SUCCESS", str(number), p=p) for number, p in enumerate(answers)])
     assert found == [pytest.approx(each, abs=1e-3) for each in bounds]
     assert sum(middle(found)) == pytest.approx(1.0)
 
 
-def test_time_that_only_passes_takes_no_states():
+def test_passing_time_adds_no_states():
     short, long = (predicted("<A/>", f"A: [{{outcome: SUCCESS, p: 1, sec: {sec}}}]") for sec in (5, 5000))
     assert long.states == short.states
-    assert (short.time_sec, long.time_sec) == (exactly(5.0), exactly(5000.0))
+    assert (short.time_sec, long.time_sec) == (approx_interval(5.0), approx_interval(5000.0))
 
 
-def test_a_time_between_two_is_as_likely_to_be_any():
+def test_duration_interval_is_uniform():
     found = predicted("<A/>", "A: [{outcome: SUCCESS, p: 1, sec: [10, 20]}]")
     ends = [0.0, *(share for _, _, share in found.distribution)]
     assert [after - before for before, after in pairwise(ends)] == pytest.approx([0.05] * 20)
@@ -128,26 +130,28 @@ def test_a_time_between_two_is_as_likely_to_be_any():
     assert found.quantile(0.5) == 15.0
 
 
-def test_a_property_is_kept_as_often_as_its_event_does_not_come():
+def test_property_probability_is_that_its_event_does_not_occur():
     text = "properties: {B never fails: {never: B FAILURE}, A at most once: {at_most_once: A SUCCESS}}"
     found = predicted("<Fallback><Sequence><A/><B/></Sequence><A/></Fallback>", INDEPENDENT, text)
-    assert found.properties["B never fails"] == exactly(1 - 0.9 * 0.2)
-    assert found.properties["A at most once"] == exactly(1 - 0.9 * 0.2 * 0.9)
+    assert found.properties["B never fails"] == approx_interval(1 - 0.9 * 0.2)
+    assert found.properties["A at most once"] == approx_interval(1 - 0.9 * 0.2 * 0.9)
 
 
-def test_what_is_owed_at_the_end_is_not_kept():
+def test_pending_property_is_not_kept_at_end():
     text = "properties: {B follows: {after: A SUCCESS, eventually: B SUCCESS}}"
-    assert predicted("<Sequence><A/><B/></Sequence>", INDEPENDENT, text).properties["B follows"] == exactly(
-        1 - 0.9 * 0.2
-    )
+    assert predicted("<Sequence><A/><B/></Sequence>", INDEPENDENT, text).properties[
+        "B follows"
+    ] == approx_interval(1 - 0.9 * 0.2)
 
 
-def test_what_must_hold_at_the_end_counts_there():
+def test_at_end_property_is_evaluated_at_end():
     chances, text = "X: [{outcome: SUCCESS, p: 0.7}]", "properties: {counted: {at_end: f == 1}}"
-    assert predicted("<ForceSuccess><X/></ForceSuccess>", chances, text).properties["counted"] == exactly(0.7)
+    assert predicted("<ForceSuccess><X/></ForceSuccess>", chances, text).properties[
+        "counted"
+    ] == approx_interval(0.7)
 
 
-def test_no_number_is_computed_where_a_tick_raises_an_error():
+def test_error_in_tick_makes_prediction_undecidable():
     with pytest.raises(UndecidableError, match=r"a tick raises an error: .*there is no variable 'b'"):
         predicted('<Sequence><P/><Script code="a = b + 1"/></Sequence>', "P: [{outcome: SUCCESS, p: 0.3}]")
 
@@ -172,7 +176,7 @@ DECIDED = 'M: [{{status: SUCCESS, p: 0.6, then: "d := {}"}}, {{status: FAILURE, 
 
 
 @pytest.mark.parametrize("name", MEASURED)
-def test_what_needs_an_unknown_value_makes_bounds_that_hold_for_every_value(name):
+def test_unknown_value_gives_bounds_that_hold_for_every_value(name):
     body, (low, high) = MEASURED[name]
     found = predicted(body, MEASURES)
     assert found.success == pytest.approx((low, high))
@@ -190,24 +194,24 @@ def test_what_needs_an_unknown_value_makes_bounds_that_hold_for_every_value(name
         assert low - 1e-9 <= exact.low <= exact.high <= high + 1e-9
 
 
-def test_only_chances_whose_condition_needs_an_unknown_value_are_not_decided():
+def test_only_properties_with_unknown_value_in_condition_are_undecided():
     text = "{open: {at_end: d < 5}, known: {never: A FAILURE}, guarded: {never: A starts, while: d > 1}}"
     found = predicted('<Sequence><M distance="{d}"/><A/></Sequence>', MEASURES, f"properties: {text}")
-    assert found.success == exactly(0.54)
+    assert found.success == approx_interval(0.54)
     assert list(found.properties) == ["known", "guarded", "open"]
-    assert found.properties["known"] == exactly(1 - 0.6 * 0.1)
+    assert found.properties["known"] == approx_interval(1 - 0.6 * 0.1)
     assert found.properties["open"] == found.properties["guarded"] == (0.0, 1.0)
     assert len(found.undecided) == 2
 
 
-def test_where_the_end_needs_an_unknown_value_nothing_is_said_of_ends():
+def test_end_condition_with_unknown_value_leaves_ends_undecided():
     text = (
         "end: d > 1\nproperties: {first: {never: M FAILURE}, owed: {after: M starts, eventually: A SUCCESS}}"
     )
     found = predicted('<Sequence><M distance="{d}"/><A/></Sequence>', MEASURES, text)
     assert found.success == found.ends == found.properties["owed"] == (0.0, 1.0)
     assert found.time_sec is None
-    assert found.properties["first"].high < 1e-6  # the root is ticked for ever
+    assert found.properties["first"].high < 1e-6  # the root is ticked forever
     (reason,) = found.undecided
     assert reason.startswith("'d > 1' cannot be evaluated")
 
@@ -220,15 +224,15 @@ def test_where_the_end_needs_an_unknown_value_nothing_is_said_of_ends():
         ("<Fallback><A/><KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure></Fallback>", 0.9),
     ],
 )
-def test_runs_that_cannot_end_any_more_are_not_followed(body, ended, monkeypatch):
-    # Enough for what can end; a round that is followed for ever takes all of it.
+def test_runs_that_cannot_end_are_not_followed(body, ended, monkeypatch):
+    # Enough for runs that can end; a loop that is followed forever exceeds it.
     monkeypatch.setattr(weighed_graph, "_MOST_CARRIED", 100_000)
     found = predicted(body, INDEPENDENT)
-    assert found.ends == exactly(ended)
+    assert found.ends == approx_interval(ended)
     assert [each[2] for each in found.distribution[-1:]] == pytest.approx([ended] if ended else [], abs=1e-5)
 
 
-def test_states_that_were_not_gone_through_may_be_anything():
+def test_unexplored_states_have_unknown_probability():
     body = '<Repeat num_success="50"><A/></Repeat>'
     found = predicted(body, INDEPENDENT, max_states=20)
     low, high = found.success
@@ -236,14 +240,14 @@ def test_states_that_were_not_gone_through_may_be_anything():
     assert low < 0.9**50 < high < 1.0
 
 
-def test_what_matters_most_comes_first():
+def test_influences_are_sorted_by_importance():
     found = predicted("<Sequence><A/><B/><C/></Sequence>", INDEPENDENT)
     assert [each.leaf[-1] for each in found.influences] == ["C", "B", "A"]
     assert [each.derivative for each in found.influences] == pytest.approx([0.72, 0.45, 0.4])
     assert [each.if_never_failed for each in found.influences] == pytest.approx([0.72, 0.45, 0.4])
 
 
-def test_a_derivative_is_what_a_little_more_of_a_chance_brings():
+def test_derivative_is_slope_of_success_probability():
     body = '<Retry num_failures="3"><Sequence><A/><Fallback><B/><C/></Fallback></Sequence></Retry>'
     more = INDEPENDENT.replace("p: 0.8", "p: 0.801")
     influence = next(each for each in predicted(body, INDEPENDENT).influences if each.leaf[-1] == "B")
@@ -251,7 +255,7 @@ def test_a_derivative_is_what_a_little_more_of_a_chance_brings():
     assert influence.derivative == pytest.approx(slope, rel=0.01)
 
 
-def test_what_may_be_no_bound_yet_is_not_told(monkeypatch):
+def test_bounds_that_do_not_converge_are_not_reported(monkeypatch):
     monkeypatch.setattr(weighed_graph, "_MOST_ROUNDS", 1)
     with pytest.raises(UndecidableError, match="the bounds of a probability did not converge in 1 round"):
         predicted("<Fallback><A/><B/></Fallback>", "B: [{outcome: SUCCESS, p: 0.8}]")
@@ -260,7 +264,7 @@ def test_what_may_be_no_bound_yet_is_not_told(monkeypatch):
 @pytest.mark.random
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(rounds(20)))
-def test_bounds_are_the_same_however_the_best_chances_are_looked_for(seed, monkeypatch):
+def test_bounds_do_not_depend_on_optimization_method(seed, monkeypatch):
     body = random_timed_tree(seed)
     chances = re.sub(r"p: 0\.([2-8])", r"p: [0.1, 0.\1]", CHANCES).replace("{outcome: FAILURE, p: 0.4}", "")
     found = []
@@ -275,8 +279,8 @@ def test_bounds_are_the_same_however_the_best_chances_are_looked_for(seed, monke
 @pytest.mark.random
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(rounds(10)))
-def test_what_is_computed_is_what_is_played(seed):
-    # More trees find more than more runs of each: a wrong weight is rarely wrong by less than some percent.
+def test_predictions_match_simulated_runs(seed):
+    # More trees find more errors than more runs of each: a wrong weight is rarely off by only a few percent.
     body, runs = random_timed_tree(seed), rounds(2_000)
     found = predicted(body)
     succeeded, ended, times = played(body, runs)
@@ -309,13 +313,13 @@ def test_what_is_computed_is_what_is_played(seed):
         ("A: [{p: 0.5}]", "needs"),
     ],
 )
-def test_chances_that_cannot_be_are_findings(answers, message):
+def test_invalid_probabilities_are_reported(answers, message):
     with pytest.raises(TreeError) as caught:
         predicted("<Sequence><A/><P/><X/></Sequence>", answers)
     assert message in str(caught.value)
 
 
-def test_two_choices_in_one_step_are_refused_and_not_weighed_wrongly():
+def test_two_random_outcomes_in_one_step_are_rejected():
     body = '<ReactiveSequence><P/><TryCatch catch_on_halt="true"><A/><X/></TryCatch></ReactiveSequence>'
     with pytest.raises(
         UndecidableError, match="'X' has several outcomes with probabilities while another node ends"
@@ -323,7 +327,7 @@ def test_two_choices_in_one_step_are_refused_and_not_weighed_wrongly():
         predicted(body)
 
 
-def test_statistics_of_journals_are_such_a_file(tmp_path):
+def test_journal_statistics_can_be_used_as_outcomes_file(tmp_path):
     answers = tmp_path / "answers.yaml"
     answers.write_text(
         'outcomes:\n  "A":  # 12 outcomes\n  - {"outcome": "SUCCESS", "p": [0.6, 0.9], "sec": [2.0, 4.5]}\n',
@@ -334,5 +338,5 @@ def test_statistics_of_journals_are_such_a_file(tmp_path):
         '<root BTCPP_format="4"><BehaviorTree ID="Tree"><A/></BehaviorTree></root>', encoding="utf-8"
     )
     found = load(tree, nodes=["tests.analysis.verify.leaves"]).predict(outcomes=[answers])
-    assert found.success == exactly(0.6, 0.9)
-    assert found.success_sec == exactly(3.5)
+    assert found.success == approx_interval(0.6, 0.9)
+    assert found.success_sec == approx_interval(3.5)

@@ -1,4 +1,4 @@
-"""Short ways to play scenarios in tests."""
+"""Helpers that play scenarios in tests."""
 
 from textwrap import dedent
 
@@ -22,7 +22,7 @@ PATROL = """
 
 
 def stage(body: str = PATROL) -> ScenarioStage:
-    """Return a stage with one tree on it."""
+    """Return a stage with one tree."""
     return ScenarioStage(forest(body), default_registry())
 
 
@@ -38,12 +38,12 @@ def played(text: str, body: str = PATROL) -> ScenarioRun:
 
 
 def missed(text: str, body: str = PATROL) -> list[tuple[str, str, int]]:
-    """Return what does not hold of a scenario: the expectation, the message and the line."""
+    """Return the failed expectations of a scenario: the expectation, the message and the line."""
     return [(each.expected, each.message, each.line) for each in failures(played(text, body))]
 
 
 def answers(run: ScenarioRun, leaf: str) -> list[str]:
-    """Return what a leaf answered, tick by tick; `halted` where it was halted."""
+    """Return the outcomes of a leaf, tick by tick; `halted` if it was halted."""
     return [
         event.action for event in run.events if event.leaf == leaf and event.what in ("returned", "halted")
     ]

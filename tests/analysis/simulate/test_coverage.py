@@ -1,4 +1,4 @@
-"""What a set of scenarios has not shown of a tree."""
+"""Tests of coverage: which nodes and outcomes a set of scenarios does not show."""
 
 from sar_compiler.analysis.simulate.scenario_run import OutcomeCoverage
 from tests.analysis.simulate.stage import played
@@ -15,49 +15,51 @@ def names(nodes):
     return [node.bound.name for node in nodes]
 
 
-def unseen(collected):
+def unseen_by_name(collected):
     return {node.bound.name: node.unseen_outcomes for node in collected.nodes_with_unseen_outcomes}
 
 
 TRY = "<Selector><NavigateToZone/><Sequence><DetectSurvivor/><AdvanceZone/></Sequence></Selector>"
 
 
-def test_a_node_that_no_run_ticks_is_named():
+def test_nodes_never_ticked_are_listed():
     assert names(coverage("name: x", body=TRY).never_ticked) == ["Sequence", "DetectSurvivor", "AdvanceZone"]
 
 
-def test_a_node_that_one_of_the_runs_ticks_is_covered():
+def test_node_ticked_in_one_run_is_covered():
     collected = coverage("name: x", "leaves: {NavigateToZone: aborted}", body=TRY)
     assert names(collected.never_ticked) == []
     assert len(collected.nodes) == 5
 
 
-def test_the_answers_of_leaves_that_no_run_has_shown_are_named():
+def test_unseen_outcomes_of_leaves_are_listed():
     collected = coverage("name: x", "leaves: {NavigateToZone: [RUNNING, aborted]}", body=TRY)
-    assert unseen(collected) == {
+    assert unseen_by_name(collected) == {
         "NavigateToZone": ["no zone", "unavailable", "waiting for Nav2", "not arrived"],
         "DetectSurvivor": ["nothing", "no answer", "no zone", "searching"],
         "AdvanceZone": ["no zone"],
     }
 
 
-def test_leaves_of_the_language_have_their_outcomes():
-    assert unseen(coverage("name: x", body='<ScriptCondition code="1"/>')) == {"ScriptCondition": ["FAILURE"]}
+def test_built_in_leaves_have_outcomes():
+    assert unseen_by_name(coverage("name: x", body='<ScriptCondition code="1"/>')) == {
+        "ScriptCondition": ["FAILURE"]
+    }
 
 
-def test_what_a_wrapper_answers_is_not_an_outcome_of_the_node_in_it():
+def test_outcome_of_wrapper_is_not_outcome_of_wrapped_node():
     body = '<Sequence><NavigateToBase oneshot="ON_COMPLETION"/><AdvanceZone _skipIf="true"/></Sequence>'
     collected = coverage("until: tick == 2", body=body)
-    assert unseen(collected) == {
+    assert unseen_by_name(collected) == {
         "NavigateToBase": ["aborted", "unavailable", "driving", "waiting for Nav2", "not arrived"]
     }
     assert names(collected.never_ticked) == ["AdvanceZone"]
 
 
-def test_a_tree_that_is_used_twice_is_covered_where_either_is():
+def test_subtree_used_twice_is_covered_by_either_use():
     body = """<Selector><SubTree ID="Drive" name="one"/><SubTree ID="Drive" name="two"/></Selector></BehaviorTree>
     <BehaviorTree ID="Drive"><NavigateToZone/>"""
     collected = coverage("tree: Main\nleaves: {one/NavigateToZone: aborted}", body=body)
-    assert unseen(collected) == {
+    assert unseen_by_name(collected) == {
         "NavigateToZone": ["no zone", "unavailable", "driving", "waiting for Nav2", "not arrived"]
     }

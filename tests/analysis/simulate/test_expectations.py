@@ -1,4 +1,4 @@
-"""What a scenario expects of its run, and what is said where it is not so."""
+"""Tests of the expectations of a scenario, and of the messages if they fail."""
 
 import pytest
 
@@ -12,10 +12,10 @@ leaves:
   NavigateToBase: {outcome: arrived, after: 2s}
 expect:
   """
-BEHIND = RUN.count("\n") + 1
+EXPECTATION_LINE = RUN.count("\n") + 1
 
 
-def test_a_scenario_that_expects_nothing_expects_an_end():
+def test_scenario_without_expectations_expects_an_end():
     assert missed("ticks: 2\nleaves: {NavigateToZone: RUNNING}") == [
         ("ends", "the run has not ended by tick 2 (0.5 s): the root has not succeeded or failed yet", 0)
     ]
@@ -38,7 +38,7 @@ def test_a_scenario_that_expects_nothing_expects_an_end():
         "ends: true",
     ],
 )
-def test_what_is_so_holds(expected):
+def test_met_expectation_holds(expected):
     assert missed(RUN + expected) == []
 
 
@@ -96,16 +96,16 @@ def test_what_is_so_holds(expected):
         ),
     ],
 )
-def test_what_is_not_so_is_said_with_its_line(expected, word, message):
-    assert missed(RUN + expected) == [(word, message, BEHIND)]
+def test_failed_expectation_is_reported_with_its_line(expected, word, message):
+    assert missed(RUN + expected) == [(word, message, EXPECTATION_LINE)]
 
 
-def test_each_of_several_expectations_has_a_line_of_its_own():
+def test_each_expectation_has_its_own_line():
     text = (
         f"{RUN}never:\n    - NavigateToZone aborted\n    - DetectSurvivor nothing\n    - DetectSurvivor found"
     )
-    assert [line for _, _, line in missed(text)] == [BEHIND + 2, BEHIND + 3]
+    assert [line for _, _, line in missed(text)] == [EXPECTATION_LINE + 2, EXPECTATION_LINE + 3]
 
 
-def test_that_a_run_does_not_end_can_be_expected():
+def test_run_without_end_can_be_expected():
     assert missed("ticks: 5\nleaves: {NavigateToZone: RUNNING}\nexpect: {ends: false, root: RUNNING}") == []

@@ -1,4 +1,4 @@
-"""Every mistake in a scenario gets one finding, where it stands, with what was probably meant."""
+"""Tests of errors in scenarios: each has one finding, at its location, with a suggestion."""
 
 import pytest
 
@@ -8,13 +8,13 @@ from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.simulate.stage import read, stage
 
 
-def found(text):
+def findings_of(text):
     with pytest.raises(TreeError) as error:
         read(text)
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in error.value.findings]
 
 
-# Each: the scenario, then code, line, column and suggestion.
+# Each entry: the scenario, then code, line, column and suggestion.
 MISTAKES = {
     "a list": ("- leaves", "wrong-shape", 1, 1, None),
     "a word": ("leaves", "wrong-shape", 1, 1, None),
@@ -166,17 +166,17 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_in_a_scenario_is_found_where_it_stands(mistake):
+def test_error_in_scenario_is_reported_at_its_location(mistake):
     text, *finding = MISTAKES[mistake]
-    assert found(text) == [tuple(finding)]
+    assert findings_of(text) == [tuple(finding)]
 
 
-def test_all_mistakes_are_said_at_once_in_the_order_of_the_file():
+def test_all_errors_are_reported_in_file_order():
     text = "expect: {root: SUCESS}\nfacts: {zone_left: 1}\nleaves: {AdvanceZne: advanced}"
-    assert [code for code, *_ in found(text)] == ["wrong-value", "unknown-fact", "unknown-leaf"]
+    assert [code for code, *_ in findings_of(text)] == ["wrong-value", "unknown-fact", "unknown-leaf"]
 
 
-def test_a_parameter_that_is_wrong_is_not_said_to_be_missing():
+def test_invalid_parameter_is_not_reported_as_missing():
     text = "parameters: {patience: [1]}\nleaves: {}"
     body = '<Timeout duration="{@patience}"><NavigateToZone/></Timeout>'
     with pytest.raises(TreeError) as error:
@@ -184,17 +184,17 @@ def test_a_parameter_that_is_wrong_is_not_said_to_be_missing():
     assert [(f.code, f.span.line, f.span.column) for f in error.value.findings] == [("wrong-shape", 1, 24)]
 
 
-def test_an_empty_scenario_says_what_to_write():
+def test_empty_scenario_is_reported():
     with pytest.raises(TreeError, match="the file is empty"):
         read("# nothing\n")
 
 
-def test_a_scenario_that_is_not_there_cannot_be_read(tmp_path):
+def test_missing_scenario_file_raises_error(tmp_path):
     with pytest.raises(UnreadableFileError, match="cannot read"):
         read_scenario(tmp_path / "nowhere.yaml", stage())
 
 
-def test_facts_that_only_an_answer_of_the_scenario_uses_may_be_given():
+def test_fact_used_only_by_outcome_of_scenario_can_be_set():
     text = """
     facts: {battery: 20}
     outcomes: {AdvanceZone: {status: SUCCESS, when: "battery > 10"}}
@@ -202,7 +202,7 @@ def test_facts_that_only_an_answer_of_the_scenario_uses_may_be_given():
     assert read(text).simulated.fact_values()["battery"] == 20
 
 
-def test_a_scalar_is_taken_as_it_is_written():
+def test_scalars_keep_their_written_form():
     text = """
     facts: {at: no, zones_left: 2}
     parameters: {a: 1.5, b: true, c: "1", d: 12:30}
@@ -213,7 +213,7 @@ def test_a_scalar_is_taken_as_it_is_written():
     assert [scope.resolve(key).read() for key in "abcd"] == [1.5, True, "1", "12:30"]
 
 
-def test_a_script_that_cannot_be_read_comes_with_what_to_write():
+def test_malformed_script_has_hint():
     with pytest.raises(TreeError) as error:
         read("until: root == 0x")
     (finding,) = error.value.findings
@@ -229,14 +229,14 @@ def test_a_script_that_cannot_be_read_comes_with_what_to_write():
         ("level == 5", '<Script code="{program}"/>'),
     ],
 )
-def test_a_condition_may_ask_for_every_key_that_the_tree_can_have(until, body):
+def test_condition_can_use_any_key_of_tree(until, body):
     tree = f"<Sequence>{body}<AdvanceZone/></Sequence>"
     if "SubTree" in body:
         tree += '</BehaviorTree><BehaviorTree ID="Main2"><Script code="level := 5"/>'
     assert read(f'tree: Main\nuntil: "{until}"', tree).scenario.until is not None
 
 
-def test_a_condition_may_ask_for_a_key_that_an_answer_or_a_parameter_makes():
+def test_condition_can_use_key_of_outcome_or_parameter():
     answers = 'outcomes: {AdvanceZone: {status: SUCCESS, then: "gone := 1"}}'
     assert read(f'{answers}\nuntil: "gone == 1"').scenario.until is not None
     assert read("parameters: {speed: 2}\nuntil: speed > 1").scenario.until is not None

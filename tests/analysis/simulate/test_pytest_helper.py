@@ -1,4 +1,4 @@
-"""Tests of users' own trees, in three lines."""
+"""Tests of the pytest helper, as users write them for their own trees."""
 
 import pytest
 
@@ -9,14 +9,14 @@ TREE = "trees/search_and_rescue.xml"
 HOME = "zones_left == 0 && at == 'base'"
 
 
-def test_a_zone_that_is_not_reached_at_once_is_tried_again():
+def test_zone_not_reached_at_once_is_retried():
     home = {"outcome": "arrived", "after": "5s"}
     run = simulate(TREE, NavigateToZone=["aborted", "arrived"], NavigateToBase=home, scenario={"until": HOME})
     run.run_to_end()
     run.expect(order=["NavigateToZone aborted", "NavigateToZone arrived"], count={"AdvanceZone advanced": 3})
 
 
-def test_the_report_that_is_refused_is_lost():
+def test_refused_report_is_lost():
     run = simulate(
         TREE, NotifyBase="refused", scenario={"facts": {"zones_left": 1}, "until": HOME}
     ).run_to_end()
@@ -32,7 +32,7 @@ def test_leaves_with_any_name_can_be_scripted():
     assert len(run.run.ticks) == 2
 
 
-def test_a_run_without_an_end_fails_the_test():
+def test_run_without_end_fails_test():
     run = simulate(TREE, NavigateToZone="RUNNING", scenario={"ticks": 5})
     with pytest.raises(
         AssertionError, match=r"(?s)ends: the run has not ended by tick 5 .*\n\ntick 1, 0 s: root RUNNING"
@@ -40,7 +40,7 @@ def test_a_run_without_an_end_fails_the_test():
         run.run_to_end()
 
 
-def test_a_run_that_cannot_go_on_fails_the_test():
+def test_run_with_error_fails_test():
     run = simulate(TREE, DetectSurvivor="no zone")
     with pytest.raises(
         AssertionError, match="run: an error occurred in tick 1: 'DetectSurvivor' cannot return"
@@ -48,7 +48,7 @@ def test_a_run_that_cannot_go_on_fails_the_test():
         run.run_to_end()
 
 
-def test_what_is_expected_and_is_not_so_fails_the_test_with_the_trace():
+def test_failed_expectation_fails_test_with_trace():
     run = simulate(TREE).run_to_end()
     with pytest.raises(
         AssertionError,
@@ -57,21 +57,21 @@ def test_what_is_expected_and_is_not_so_fails_the_test_with_the_trace():
         run.expect(root="FAILURE")
 
 
-def test_before_the_end_nothing_is_said_of_the_end_unless_it_is_asked_for():
+def test_unfinished_run_fails_only_if_end_is_expected():
     run = simulate(TREE, NavigateToZone="RUNNING").tick()
     run.expect(root="RUNNING")
     with pytest.raises(AssertionError, match="ends: the run has not ended"):
         run.expect(ends=True)
 
 
-def test_a_slip_in_a_test_is_explained_as_one_in_a_scenario_is():
+def test_typo_is_explained_as_in_scenario():
     with pytest.raises(TreeError, match="did you mean 'aborted'"):
         simulate(TREE, NavigateToZone="abroted")
     with pytest.raises(TreeError, match="did you mean 'order'"):
         simulate(TREE).run_to_end().expect(ordr=["NavigateToZone arrived"])
 
 
-def test_a_trace_can_be_held_against_a_committed_file(tmp_path, monkeypatch):
+def test_trace_can_be_compared_with_golden_file(tmp_path, monkeypatch):
     golden = tmp_path / "trace.txt"
     monkeypatch.setenv(RENEW, "1")
     simulate(TREE).run_to_end().expect(trace=str(golden))
@@ -81,11 +81,11 @@ def test_a_trace_can_be_held_against_a_committed_file(tmp_path, monkeypatch):
         simulate(TREE, NavigateToZone="aborted").run_to_end().expect(trace=str(golden))
 
 
-def test_a_scenario_that_holds_passes():
+def test_scenario_that_holds_passes():
     assert_scenario_holds(TREE, "examples/scenarios/nominal.yaml")
 
 
-def test_a_scenario_that_does_not_hold_fails_the_test(tmp_path):
+def test_scenario_that_does_not_hold_fails_test(tmp_path):
     path = tmp_path / "wrong.yaml"
     path.write_text("expect:\n  root: FAILURE\n", encoding="utf-8")
     with pytest.raises(AssertionError, match=r"wrong.yaml:2: root: the status of the root is SUCCESS"):

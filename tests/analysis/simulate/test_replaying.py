@@ -1,4 +1,4 @@
-"""A tree that is used again plays each run as one that was compiled for that run."""
+"""Tests of tree reuse: a reused tree plays each run exactly as a newly compiled tree does."""
 
 import random
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ leaves:
 ENDS = ("tick == 20", "n == 3", "root == 'SUCCESS'", "time > 1 || b == 0")
 
 
-def understood(stage: ScenarioStage, text: str) -> ScenarioSimulation:
+def compile_scenario(stage: ScenarioStage, text: str) -> ScenarioSimulation:
     """Compile a tree for a scenario, with lists and a queue among its keys."""
     play = load_scenario(parse_yaml(text, "scenario.yaml", ""), stage)
     for key, value in entries().items():
@@ -45,7 +45,7 @@ def understood(stage: ScenarioStage, text: str) -> ScenarioSimulation:
 
 
 def random_plays(count: int, *, skips: bool) -> Iterator[tuple[ScenarioStage, str, ScenarioSimulation]]:
-    """Yield random trees on stages, each with a scenario, that the checks find nothing wrong with, and what it is understood as."""
+    """Yield random trees on stages, each with a valid scenario as text and compiled."""
     seed = 0
     while count:
         seed += 1
@@ -53,19 +53,19 @@ def random_plays(count: int, *, skips: bool) -> Iterator[tuple[ScenarioStage, st
         until = random.Random(seed).choice(ENDS)  # noqa: S311 - the same trees in every run
         text = SCENARIO.format(leaf="Skipper" if skips else "Probe", until=until)
         try:
-            play = understood(stage, text)
+            play = compile_scenario(stage, text)
         except TreeError:
             continue
         count -= 1
         yield stage, text, play
 
 
-def by_chance(scenario: Scenario, seed: int) -> Scenario:
+def with_random_outcomes(scenario: Scenario, seed: int) -> Scenario:
     return replace(scenario, seed=seed, unusual=0.3)
 
 
-def seen(player: Player) -> dict[str, object]:
-    """Return all that can be said of a run."""
+def observations(player: Player) -> dict[str, object]:
+    """Return all observable results of a run."""
     run, board = player.run, player.run.simulated.compiled.board
     return {
         "events": list(run.events),
@@ -79,11 +79,11 @@ def seen(player: Player) -> dict[str, object]:
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("skips", [False, True], ids=["stock", "skips"])
-def test_a_tree_that_is_used_again_plays_every_run_as_a_fresh_one_does(skips):
+def test_reused_tree_plays_every_run_as_new_tree_does(skips):
     for stage, text, play in random_plays(rounds(120), skips=skips):
         tree = ReusedTree(play.simulated)
         for seed in (0, 1, 0):
-            fresh = understood(stage, text)
-            player = ScenarioPlayer(fresh.simulated, by_chance(fresh.scenario, seed))
+            fresh = compile_scenario(stage, text)
+            player = ScenarioPlayer(fresh.simulated, with_random_outcomes(fresh.scenario, seed))
             player.run_to_end()
-            assert seen(tree.play(by_chance(play.scenario, seed))) == seen(player)
+            assert observations(tree.play(with_random_outcomes(play.scenario, seed))) == observations(player)

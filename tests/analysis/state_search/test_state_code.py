@@ -1,4 +1,4 @@
-"""States as bytes, and their numbers."""
+"""Tests of encoding states as bytes, and of numbering them."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,15 +31,15 @@ def code(forgotten=()):
     return StateCode(numbers(FIRST_CELLS), FIRST_VALUES, list(forgotten))
 
 
-def without_end(entries):
-    """Return numbers of entries without those at the end that are not there."""
+def without_trailing_zeros(entries):
+    """Return entry numbers without trailing missing entries."""
     while entries and not entries[-1]:
         entries = entries[:-1]
     return entries
 
 
 @given(STATES)
-def test_a_state_is_read_as_it_was_written(state):
+def test_state_survives_encoding(state):
     head, cells, values, entries = state
     states = code()
     written = states.write(*head, numbers(cells), values, numbers(entries))
@@ -49,18 +49,18 @@ def test_a_state_is_read_as_it_was_written(state):
 
 
 @given(st.lists(STATES, max_size=6))
-def test_two_states_are_written_alike_only_if_they_are_the_same(states):
+def test_encodings_are_equal_only_for_equal_states(states):
     coding = code()
     written = [
         coding.write(*head, numbers(cells), values, numbers(entries))
         for head, cells, values, entries in states
     ]
-    same = [(head, cells, values, without_end(entries)) for head, cells, values, entries in states]
+    same = [(head, cells, values, without_trailing_zeros(entries)) for head, cells, values, entries in states]
     for index, one in enumerate(same):
         assert [other == one for other in same] == [other == written[index] for other in written]
 
 
-def test_how_a_forgotten_node_has_ended_is_not_written():
+def test_outcome_of_forgotten_node_is_not_encoded():
     states = code([True, False, True])
     ended, running = [SUCCESS, FAILURE, INVALID, 0, 7], [INVALID, FAILURE, RUNNING, 0, 7]
 
@@ -72,7 +72,7 @@ def test_how_a_forgotten_node_has_ended_is_not_written():
     assert read(running) == running
 
 
-def test_a_middle_says_how_those_forgotten_nodes_have_ended_that_are_shown_there():
+def test_middle_contains_outcomes_of_shown_forgotten_nodes():
     states = code([True, True, True])
 
     def middle(cells, shown):
@@ -84,7 +84,7 @@ def test_a_middle_says_how_those_forgotten_nodes_have_ended_that_are_shown_there
     assert middle(one, []) == middle(other, [])
 
 
-def test_a_middle_is_another_one_where_a_property_is_broken():
+def test_middle_depends_on_node_and_property_state():
     states = code()
     middles = {
         states.write_middle(node, watched, broken, [], numbers(FIRST_CELLS), FIRST_VALUES, numbers([]))
@@ -95,17 +95,17 @@ def test_a_middle_is_another_one_where_a_property_is_broken():
     assert len(middles) == 12
 
 
-def test_a_change_takes_one_byte():
+def test_one_change_takes_one_byte():
     changed = [RUNNING, FAILURE, SUCCESS, 13, 7]
     assert len(code().write(0, 0, numbers(changed), FIRST_VALUES, numbers([0, 14]))) == 2 + 5
 
 
-def test_a_tree_as_it_was_at_first_takes_two_bytes():
+def test_initial_state_takes_two_bytes():
     assert len(code().write(0, 0, numbers(FIRST_CELLS), FIRST_VALUES, numbers([0, 0]))) == 2
 
 
 @given(st.lists(st.binary(max_size=2), max_size=3000))
-def test_states_are_numbered_in_the_order_in_which_they_are_added(keys):
+def test_states_are_numbered_in_order_of_addition(keys):
     numbering = Numbering()
     expected: dict[bytes, int] = {}
     for key in keys:
@@ -116,7 +116,7 @@ def test_states_are_numbered_in_the_order_in_which_they_are_added(keys):
     assert list(numbering.states) == list(expected)
 
 
-def test_ten_thousand_states_are_found_again():
+def test_ten_thousand_states_are_found():
     numbering = Numbering()
     for number in range(10_000):
         numbering.add(f"state {number}".encode())

@@ -1,4 +1,4 @@
-"""What workers of tests play; in a module, so that other processes can import it."""
+"""Run functions of sweep tests, in a module of their own so that worker processes can import them."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Graphs written by hand, explored like a tree."""
+"""Graphs written by hand, explored in the same way as trees."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,14 +6,14 @@ from sar_compiler.analysis.state_search.searching import A_STATE, NOTHING, Judge
 
 
 class HandMade(Stepper):
-    """States are numbers, as a byte; each tick leads to one, and may wait for something (bits).
+    """A graph whose states are numbers, as a byte. Each tick leads to a state, and may wait for answers (bits).
 
     Args:
-        ticks: Where the ticks of each state lead to, as numbers or as pairs of a number and what is waited for; a
-            state that is not named stays as it is.
+        ticks: The targets of the ticks of each state, as numbers or as pairs of a number and the awaited
+            answers; a state that is not listed stays unchanged.
         ends: The states in which the run is over.
-        broken: The rules that each state breaks, as bits.
-        owing: What each state owes, as bits.
+        broken: The rules that each state violates, as bits.
+        owing: The pending obligations of each state, as bits.
         idle_ends: The states in which the run is over if they are idle.
     """
 

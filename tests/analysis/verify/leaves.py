@@ -1,6 +1,7 @@
-"""Leaves that stand for something outside the tree.
+"""Leaves that stand for systems outside the tree.
 
-A, B, C and U act, P answers at once; X, Y and Z share a fact, about which W does not agree with them; M writes a number.
+A, B, C and U are actions, P is a condition; X, Y and Z share a fact, for which W declares another initial
+value; M writes a number.
 """
 
 from py_trees.behaviour import Behaviour
@@ -15,34 +16,34 @@ _SAYS = {Status.SUCCESS, Status.FAILURE}
 
 @register("A", kind=Kind.ACTION, outcomes=_ACTS)
 class A(Behaviour):
-    """Acts."""
+    """An action."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
 
     def update(self) -> Status:
-        """Answer what a verified tree never asks for: there, somebody else answers for it."""
+        """Fail, because a stub leaf replaces this leaf in a verified tree."""
         raise AssertionError
 
 
 @register("B", kind=Kind.ACTION, outcomes=_ACTS)
 class B(A):
-    """Acts."""
+    """An action."""
 
 
 @register("C", kind=Kind.ACTION, outcomes=_ACTS)
 class C(A):
-    """Acts."""
+    """An action."""
 
 
 @register("U", kind=Kind.ACTION)
 class U(A):
-    """Acts, and does not say how it can end."""
+    """An action that does not declare its outcomes."""
 
 
 @register("P", kind=Kind.CONDITION, outcomes=_SAYS)
 class P(A):
-    """Says yes or no."""
+    """A condition."""
 
 
 @register(
@@ -52,7 +53,7 @@ class P(A):
     facts={"f": 0},
 )
 class X(A):
-    """Counts to two and begins again."""
+    """Counts to two and starts over."""
 
 
 @register(
@@ -62,7 +63,7 @@ class X(A):
     facts={"f": 0},
 )
 class Y(A):
-    """Counts back."""
+    """Counts down."""
 
 
 @register(
@@ -72,21 +73,21 @@ class Y(A):
     facts={"f": 0},
 )
 class Z(A):
-    """Looks at the count."""
+    """Reads the count."""
 
 
 @register("W", kind=Kind.CONDITION, outcomes=_SAYS, facts={"f": 1})
 class W(A):
-    """Begins with another count."""
+    """Declares another initial count."""
 
 
 @register("M", kind=Kind.ACTION, outcomes=_SAYS)
 class M(A):
-    """Measures.
+    """Measures a distance.
 
     Args:
         name: The node's name.
-        distance: What was measured.
+        distance: The measured distance.
     """
 
     def __init__(self, name: str, distance: Output[float]) -> None:

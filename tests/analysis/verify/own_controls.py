@@ -1,4 +1,4 @@
-"""Controls and decorators as a user may write them: with `begin` and `resume`, or as py_trees has them, with a `tick` of their own."""
+"""Controls and decorators as users write them: with `begin` and `resume`, or with a `tick` of their own."""
 
 from collections.abc import Iterator
 
@@ -42,7 +42,7 @@ class OwnFallback(OwnSequence):
 
 @register("OwnReactiveFallback", kind=Kind.CONTROL, semantics=Semantics.selector(reactive=True))
 class OwnReactiveFallback(OwnFallback):
-    """Begins with its first child in every tick."""
+    """Starts with its first child in every tick."""
 
     def begin(self, tick: Tick) -> Next:
         tick[self.ran] = 0
@@ -62,7 +62,7 @@ class OwnRecovery(Control):
     """Ticks its first child; when that has failed, the second one, and then the first one again.
 
     Args:
-        retries: How often it is tried again.
+        retries: The number of further attempts.
     """
 
     def __init__(self, name: str, children: list[Behaviour], retries: int = 1) -> None:
@@ -84,7 +84,7 @@ class OwnRecovery(Control):
 
 @register("OwnTurn", kind=Kind.CONTROL)
 class OwnTurn(Control):
-    """Ticks one child in each activation, whoever's turn it is."""
+    """Ticks one child in each activation, in turn."""
 
     def __init__(self, name: str, children: list[Behaviour]) -> None:
         super().__init__(name, children)
@@ -113,10 +113,10 @@ class OwnInverter(Decorator):
 
 @register("OwnCount", kind=Kind.DECORATOR)
 class OwnCount(OwnInverter):
-    """Fails from a number of ticks on.
+    """Fails after a number of ticks.
 
     Args:
-        most: How many of its ticks may succeed.
+        most: The number of its ticks that may succeed.
     """
 
     def __init__(self, name: str, child: Behaviour, most: int = 3) -> None:
@@ -134,8 +134,8 @@ class OwnTimeout(OwnInverter):
     """Fails when its child has run for too long.
 
     Args:
-        seconds: For how long it may.
-        clock: Measures that.
+        seconds: The time limit.
+        clock: Measures the time.
     """
 
     def __init__(self, name: str, child: Behaviour, clock: Clock, seconds: float = 5.0) -> None:
@@ -158,12 +158,12 @@ class OwnTimeout(OwnInverter):
 
 @register("OwnLimit", kind=Kind.DECORATOR, semantics=Semantics.limits_child("seconds"))
 class OwnLimit(OwnTimeout):
-    """The same, with its meaning."""
+    """Does the same, with declared semantics."""
 
 
 @register("OwnDebounce", kind=Kind.DECORATOR)
 class OwnDebounce(OwnTimeout):
-    """Succeeds when its child has done the same for some time, which begins anew in every tick: never, that is."""
+    """Succeeds when its child's outcome is unchanged for some time, but restarts this time in every tick."""
 
     def begin(self, tick: Tick) -> Next:
         return super().begin(tick)
@@ -175,7 +175,7 @@ class OwnDebounce(OwnTimeout):
 
 @register("OwnHours", kind=Kind.DECORATOR)
 class OwnHours(OwnTimeout):
-    """Answers by how many whole hours it is."""
+    """Returns SUCCESS once an hour has passed."""
 
     def begin(self, tick: Tick) -> Next:
         return Status.SUCCESS if self.clock.now() // 3600 else Status.FAILURE
@@ -209,7 +209,7 @@ class OwnList(OwnInverter):
 
 @register("OwnEndless", kind=Kind.DECORATOR)
 class OwnEndless(OwnInverter):
-    """Counts its ticks for ever."""
+    """Counts its ticks without limit."""
 
     def __init__(self, name: str, child: Behaviour) -> None:
         super().__init__(name, child)
@@ -222,7 +222,7 @@ class OwnEndless(OwnInverter):
 
 @register("OwnStray", kind=Kind.DECORATOR)
 class OwnStray(OwnInverter):
-    """Wants somebody else's child ticked."""
+    """Returns itself instead of its child to be ticked."""
 
     def begin(self, tick: Tick) -> Next:
         return self
@@ -230,7 +230,7 @@ class OwnStray(OwnInverter):
 
 @register("OwnSilence", kind=Kind.DECORATOR)
 class OwnSilence(OwnInverter):
-    """Answers nothing after its child."""
+    """Returns None after its child."""
 
     def resume(self, tick: Tick, outcome: Status) -> Next:
         return None  # type: ignore[return-value]
@@ -260,12 +260,12 @@ class OwnTwice(Control):
 
 @register("OwnLiar", kind=Kind.CONTROL, semantics=Semantics.sequence())
 class OwnLiar(OwnFallback):
-    """Is registered as a sequence, and is none."""
+    """Is registered as a sequence, but behaves differently."""
 
 
 @register("OwnBoast", kind=Kind.DECORATOR, outcomes={Status.SUCCESS})
 class OwnBoast(OwnInverter):
-    """Is registered to succeed always."""
+    """Is registered to succeed always, but may fail."""
 
 
 def wrong_number(_bound: object, children: list[int], _sure: bool) -> int:
@@ -273,21 +273,21 @@ def wrong_number(_bound: object, children: list[int], _sure: bool) -> int:
 
 
 def no_number(*_: object) -> None:
-    """Return what is no outcome set."""
+    """Return None instead of an outcome set."""
 
 
 @register("OwnSlip", kind=Kind.CONTROL, semantics=Semantics(wrong_number))  # type: ignore[arg-type]
 class OwnSlip(OwnSequence):
-    """Is described by a function that has a mistake."""
+    """Is described by a function that raises an error."""
 
 
 @register("OwnGap", kind=Kind.CONTROL, semantics=Semantics(no_number))  # type: ignore[arg-type]
 class OwnGap(OwnSequence):
-    """Is described by a function that returns nothing."""
+    """Is described by a function that returns None."""
 
 
 class Ticking(composites.Composite):
-    """A control with a `tick` of its own: in order, until a child does not answer what goes on."""
+    """A control with a `tick` of its own: ticks its children in order until one returns another status."""
 
     going_on = Status.SUCCESS
 
@@ -315,38 +315,38 @@ class Ticking(composites.Composite):
 
 @register("TickingSequence", kind=Kind.CONTROL, semantics=Semantics.sequence())
 class TickingSequence(Ticking):
-    """Says that it is a sequence."""
+    """Declares that it is a sequence."""
 
 
 @register("TickingFallback", kind=Kind.CONTROL, semantics=Semantics.selector())
 class TickingFallback(Ticking):
-    """Says that it is a fallback."""
+    """Declares that it is a fallback."""
 
     going_on = Status.FAILURE
 
 
 @register("TickingReactive", kind=Kind.CONTROL, semantics=Semantics.selector(reactive=True))
 class TickingReactive(TickingFallback):
-    """Says that it is a reactive fallback."""
+    """Declares that it is a reactive fallback."""
 
 
 @register("TickingPauses", kind=Kind.CONTROL, semantics=Semantics.sequence(pauses=True))
 class TickingPauses(TickingSequence):
-    """Says that it pauses between its children."""
+    """Declares that it pauses between its children."""
 
 
 @register("TickingPlace", kind=Kind.CONTROL, semantics=Semantics.sequence(pauses=True, keeps_place=True))
 class TickingPlace(TickingSequence):
-    """Says that it goes on where it was."""
+    """Declares that it resumes at its last child."""
 
 
 @register("TickingMystery", kind=Kind.CONTROL)
 class TickingMystery(TickingSequence):
-    """Says nothing."""
+    """Declares no semantics."""
 
 
 class Updating(decorators.Decorator):
-    """A decorator as py_trees has them."""
+    """A decorator as py_trees defines it."""
 
     def __init__(self, name: str, child: Behaviour) -> None:
         super().__init__(name, child)
@@ -361,17 +361,17 @@ class Updating(decorators.Decorator):
     semantics=Semantics.mapping({Status.SUCCESS: Status.FAILURE, Status.FAILURE: Status.SUCCESS}),
 )
 class TickingTurn(Updating):
-    """Says that it turns what its child answers."""
+    """Declares that it inverts the outcome of its child."""
 
 
 @register("TickingPass", kind=Kind.DECORATOR, semantics=Semantics.transparent())
 class TickingPass(Updating):
-    """Says that it passes on what its child answers."""
+    """Declares that it returns the outcome of its child."""
 
 
 @register("TickingLimit", kind=Kind.DECORATOR, semantics=Semantics.limits_child("seconds"))
 class TickingLimit(Updating):
-    """Says that it limits the time of its child.
+    """Declares that it limits the time of its child.
 
     Args:
         seconds: The limit.
@@ -384,10 +384,10 @@ class TickingLimit(Updating):
 
 @register("TickingRetry", kind=Kind.DECORATOR, semantics=Semantics.restarts_child(Status.FAILURE, "attempts"))
 class TickingRetry(Updating):
-    """Says that it tries its child again.
+    """Declares that it retries its child.
 
     Args:
-        attempts: How often.
+        attempts: The number of attempts.
     """
 
     def __init__(self, name: str, child: Behaviour, attempts: int = 2) -> None:
@@ -399,12 +399,12 @@ class TickingRetry(Updating):
     "TickingRounds", kind=Kind.DECORATOR, semantics=Semantics.restarts_child(Status.SUCCESS, "attempts")
 )
 class TickingRounds(TickingRetry):
-    """Says that it repeats its child."""
+    """Declares that it repeats its child."""
 
 
 @register("OwnForgetful", kind=Kind.DECORATOR)
 class OwnForgetful(Updating):
-    """Answers with no status."""
+    """Returns no status."""
 
     def update(self) -> Status:
         return None  # type: ignore[return-value]

@@ -1,4 +1,4 @@
-"""Trees at random with parallel branches that share nothing, or something."""
+"""Random trees with parallel branches, some of which share data."""
 
 import random
 import re
@@ -77,7 +77,7 @@ def random_branches(seed: int) -> str:
 
 
 def random_properties(tree: str, seed: int) -> str:
-    """Return the text of a file of properties about the leaves of such a tree."""
+    """Return the text of a properties file about the leaves of such a tree."""
     chance = random.Random(seed)  # noqa: S311 - the same in every run
     leaves = sorted(set(re.findall('name="([abcp][01])"', tree))) or ["P"]
     events = [f"{leaf} {deed}" for leaf in leaves for deed in ("SUCCESS", "FAILURE", "starts")]
@@ -97,7 +97,7 @@ def random_properties(tree: str, seed: int) -> str:
 
 
 def _with_its_key(branch: str) -> str:
-    """Return a branch that begins with a value for its key, if it has one."""
+    """Return a branch that first sets its key, if it has one."""
     first = '<Script code="k{0} := 0" oneshot="ON_COMPLETION"/>'
     return f"<Sequence>{first}{branch}</Sequence>" if "k{0}" in branch else branch
 

@@ -1,9 +1,9 @@
-"""Trees at random that count, compare and copy, so that some of their values make no difference; and properties of these."""
+"""Random trees that count, compare and copy, so that some values make no difference; and properties."""
 
 import random
 import re
 
-# Keys of each kind: those that get numbers, those that may get anything, and those of a subtree.
+# The keys of each kind: those for numbers, those for any value, and those of a subtree.
 _NUMBERS = ("n", "m", "r")
 _STEPS = (
     "{x} += 1",
@@ -34,7 +34,7 @@ _STEPS = (
     "{x} + 1",
     "{x} = {y} = 3",
 )
-# Those that mix types.
+# Steps that mix types.
 _TYPED = (
     "{x} := {y}",
     "{x} := 0.5",
@@ -122,15 +122,15 @@ ENUMS = {"LOW": 1, "HIGH": 4}
 
 
 class RandomCounters:
-    """A tree at random.
+    """A random tree.
 
     Args:
-        seed: Which one.
+        seed: The seed.
     """
 
     def __init__(self, seed: int) -> None:
         self._chance = random.Random(seed)  # noqa: S311 - the same in every run
-        # With few kinds of steps there are keys of which values make no difference.
+        # With few kinds of steps there are keys whose values make no difference.
         plain = self._chance.random() < 0.6
         steps, conditions = (_STEPS[:8], _CONDITIONS[:7]) if plain else (_STEPS, _CONDITIONS)
         self._steps = self._chance.sample(steps, self._chance.choice((1, 2, 3, 5)))
@@ -139,7 +139,7 @@ class RandomCounters:
         self._starts = _STARTS[:1] if steps == _STEPS[:8] else _STARTS
 
     def trees(self) -> str:
-        """Return the elements of the file's trees, of which the first one is the main one."""
+        """Return the elements of the file's trees; the first one is the main tree."""
         start = f'<Script code="{self._escaped(self._chance.choice(self._starts))}" oneshot="ON_COMPLETION"/>'
         body = f"<Sequence>{start}{self._node(self._chance.randint(1, 3))}{self._script()}</Sequence>"
         around = self._chance.choice(("{}", "<KeepRunningUntilFailure>{}</KeepRunningUntilFailure>"))
@@ -150,7 +150,7 @@ class RandomCounters:
         return tree + f'<BehaviorTree ID="Inner">{inner}</BehaviorTree>' * ("Inner" in tree)
 
     def properties(self, tree: str) -> str:
-        """Return the text of a file of properties about such a tree."""
+        """Return the text of a properties file about such a tree."""
         chance, leaves = self._chance, sorted(set(re.findall("<([XYZPA])", tree)))
         events = [f"{leaf} {deed}" for leaf in leaves for deed in ("SUCCESS", "FAILURE", "starts")]
         lines = ["  last: {at_end: root == 'SUCCESS'}"]

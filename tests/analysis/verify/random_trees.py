@@ -1,4 +1,4 @@
-"""Small trees at random, of all kinds of controls and decorators, with conditions and scripts."""
+"""Small random trees of all kinds of controls and decorators, with conditions and scripts."""
 
 import random
 
@@ -53,7 +53,7 @@ def random_tree(seed: int) -> str:
 
 
 def random_parallel(seed: int) -> str:
-    """Return the elements of a tree with three or four branches that run at the same time."""
+    """Return the elements of a tree with three or four parallel branches."""
     chance = random.Random(seed)  # noqa: S311 - the same in every run
     count = chance.randint(3, 4)
     branches = "".join(_node(chance, 1) for _ in range(count))

@@ -1,4 +1,4 @@
-"""Small trees of the leaves of `leaves.py`, verified."""
+"""Helpers that verify small trees of the leaves of `leaves.py`."""
 
 from sar_compiler.analysis.assumptions import read_assumptions
 from sar_compiler.analysis.simulated_tree import compile_simulated
@@ -19,7 +19,7 @@ def bound(body):
 
 
 def simulated_tree(binding, file=None):
-    """Compile a bound tree for simulation, with what a file of properties says of the world."""
+    """Compile a bound tree for simulation, with the assumptions of a properties file."""
     if file is None:
         return compile_simulated(binding, {})
     with file.document.prefer_findings():
@@ -29,7 +29,7 @@ def simulated_tree(binding, file=None):
 
 
 def verified(body, properties=None, max_states=20_000):
-    """Verify a tree with the text of a file of properties."""
+    """Verify a tree with the text of a properties file."""
     file = None if properties is None else parse_property_file(properties, "props.yaml")
     return verify(simulated_tree(bound(body), file), file, TAGS, max_states)
 
@@ -43,7 +43,7 @@ def outcome(verification, question):
 
 
 def told(trace):
-    """Return what the leaves answered in each tick of a trace, and where it was halted, as one text a tick."""
+    """Return the outcomes and halts of leaves in a trace, as one string a tick."""
     return [
         " ".join(
             f"{event.leaf}:{event.action}" for event in tick.events if event.what in ("returned", "halted")

@@ -1,4 +1,4 @@
-"""Comparing the answers about two trees."""
+"""Tests of comparing the verdicts about two trees."""
 
 import pytest
 
@@ -30,12 +30,12 @@ from tests.analysis.verify.stage import BROKEN, PROVED, UNDECIDED, verified
         (UNDECIDED, None, OTHER),
     ],
 )
-def test_what_is_known_to_hold_is_best_and_what_is_known_not_to_is_worst(before, now, change):
+def test_verdict_change_ranks_proved_best_and_violated_worst(before, now, change):
     sides = [None if outcome is None else Verdict("q", outcome) for outcome in (before, now)]
     assert ComparedVerdict("q", *sides).change == change
 
 
-def test_a_property_that_only_one_tree_can_break_is_among_the_answers():
+def test_property_of_only_one_tree_is_compared():
     properties = "properties: {p: {never: B starts}}"
     with_b, without = verified("<Sequence><A/><B/></Sequence>", properties), verified("<A/>", properties)
     last = VerificationComparison(with_b, without).verdicts[-1]

@@ -1,4 +1,4 @@
-"""The smallest change of answers with which a run would have succeeded, by runs that stub leaves have flown."""
+"""Tests of counterfactuals: the smallest change of outcomes with which a run would have succeeded."""
 
 import itertools
 
@@ -19,7 +19,7 @@ from tests.views.flown import REGISTRY, Said, flown, injected, simulated
 
 
 def change_of(path, body, registry=REGISTRY, **answers):
-    """Fly a tree in which leaves answer what is said; return what would have succeeded, with the names of nodes."""
+    """Run a tree with the given outcomes; return the change that leads to success, with names of nodes."""
     path.write_text(document(body), encoding="utf-8")
     tree = simulated(path, registry)
     stream, root = flown(tree, Said(**answers))
@@ -29,10 +29,15 @@ def change_of(path, body, registry=REGISTRY, **answers):
     if change is None:
         return None
 
-    def told(answer):
+    def describe(answer):
         return f"{names[answer.number]} {answer.outcome}"
 
-    return change.tick, told(change.was), told(change.instead), [told(each) for each in change.then]
+    return (
+        change.tick,
+        describe(change.was),
+        describe(change.instead),
+        [describe(each) for each in change.then],
+    )
 
 
 def names_in(stream):
@@ -47,7 +52,7 @@ def path(tmp_path):
     return tmp_path / "tree.xml"
 
 
-def test_the_leaf_that_failed_would_have_to_succeed_and_the_rest_as_usual(path):
+def test_failed_leaf_must_succeed_and_later_leaves_return_usual_outcomes(path):
     body = '<Sequence><A name="one"/><A name="two"/><A name="three"/></Sequence>'
     assert change_of(path, body, one=["RUNNING", "SUCCESS"], two=["FAILURE"]) == (
         2,
@@ -57,7 +62,7 @@ def test_the_leaf_that_failed_would_have_to_succeed_and_the_rest_as_usual(path):
     )
 
 
-def test_of_several_ways_it_is_the_last_one_that_was_tried(path):
+def test_last_alternative_is_changed(path):
     body = '<Fallback><A name="one"/><A name="two"/></Fallback>'
     assert change_of(path, body, one=["FAILURE"], two=["RUNNING", "FAILURE"])[:3] == (
         2,
@@ -66,18 +71,18 @@ def test_of_several_ways_it_is_the_last_one_that_was_tried(path):
     )
 
 
-def test_of_several_tries_it_is_the_last_one(path):
+def test_last_attempt_is_changed(path):
     body = '<RetryUntilSuccessful num_attempts="3"><A name="one"/></RetryUntilSuccessful>'
     tries = ["RUNNING", "FAILURE"] * 3
     assert change_of(path, body, one=tries)[:3] == (4, "one FAILURE", "one SUCCESS")
 
 
-def test_what_was_not_over_in_time_would_have_had_to_be_over(path):
+def test_leaf_that_timed_out_must_finish(path):
     body = '<Timeout msec="1200"><A name="one"/></Timeout>'
     assert change_of(path, body, one=["RUNNING"] * 9)[1:3] == ("one RUNNING", "one SUCCESS")
 
 
-def test_what_leaves_know_of_the_world_decides_what_they_can_answer(path):
+def test_facts_determine_possible_outcomes(path):
     body = '<Sequence><X name="up"/><Fallback><Y name="down"/><AlwaysFailure/></Fallback><Z name="look"/></Sequence>'
     assert change_of(path, body, down=["counted"], look=["RUNNING", "RUNNING"], up=["FAILURE"]) == (
         1,
@@ -87,28 +92,28 @@ def test_what_leaves_know_of_the_world_decides_what_they_can_answer(path):
     )
 
 
-def test_an_answer_that_is_not_usual_is_found_as_well(path):
+def test_unusual_outcome_is_found(path):
     body = '<Sequence><A name="one"/><Inverter><P name="dark?"/></Inverter></Sequence>'
     assert change_of(path, body, one=["FAILURE"]) == (1, "one FAILURE", "one SUCCESS", ["dark? FAILURE"])
 
 
-def test_a_tree_that_cannot_succeed_has_none(path):
+def test_tree_that_cannot_succeed_has_no_change(path):
     assert change_of(path, '<Sequence><A name="one"/><AlwaysFailure/></Sequence>') is None
 
 
-def test_a_run_of_other_nodes_is_refused(path):
+def test_run_of_different_nodes_is_rejected(path):
     path.write_text(document('<A name="one"/>'), encoding="utf-8")
     with pytest.raises(OtherTreeError):
         counterfactual(simulated(path), [], ["two"])
 
 
 def tick(number, time_sec, root, answers, label=""):
-    """Return the events of a tick: what the root came to, and leaves by their numbers."""
+    """Return the events of a tick: the status of the root, and of leaves by number."""
     events = [Event((), leaf, RETURNED, status, label) for leaf, status in answers.items()]
     return append_end(events, "root", root, number, time_sec)
 
 
-def test_a_run_that_cannot_be_is_refused_with_the_first_tick_that_was_not_so(path):
+def test_impossible_run_is_rejected_with_first_impossible_tick(path):
     path.write_text(
         document('<Sequence name="all"><A name="one"/><A name="two"/></Sequence>'), encoding="utf-8"
     )
@@ -120,11 +125,11 @@ def test_a_run_that_cannot_be_is_refused_with_the_first_tick_that_was_not_so(pat
 @pytest.mark.parametrize(
     ("what", "wrong"),
     [
-        pytest.param(HALTED, "cannot produce tick 1", id="nobody stops it there"),
+        pytest.param(HALTED, "cannot produce tick 1", id="no node halts it there"),
         pytest.param(RESET, "cannot produce tick 2", id="it begins anew"),
     ],
 )
-def test_a_leaf_that_is_at_rest_is_not_taken_for_one_that_answers_the_same_again(path, what, wrong):
+def test_idle_leaf_is_not_assumed_to_continue(path, what, wrong):
     path.write_text(
         document('<Sequence name="all"><A name="one"/><A name="two"/></Sequence>'), encoding="utf-8"
     )
@@ -134,7 +139,7 @@ def test_a_leaf_that_is_at_rest_is_not_taken_for_one_that_answers_the_same_again
         counterfactual(simulated(path), [Event((), 1, what, tick=1), *first, *second], ["all", "one", "two"])
 
 
-def test_only_what_nobody_has_said_and_answers_only_lower_is_without_limit(path):
+def test_only_undeclared_decreasing_facts_lose_their_limit(path):
     path.write_text(document("<Sequence><BaseInReach/><NotHeld/></Sequence>"), encoding="utf-8")
     tree = simulated(path, default_registry())
     assert remove_limits(tree, ["zones_left"])
@@ -147,7 +152,7 @@ def test_only_what_nobody_has_said_and_answers_only_lower_is_without_limit(path)
     }
 
 
-def test_where_nothing_is_limited_there_is_nothing_to_lift(path):
+def test_tree_without_limits_is_unchanged(path):
     path.write_text(document("<DeliverReports/>"), encoding="utf-8")
     tree = simulated(path, default_registry())
     before = tree.fact_values()
@@ -155,7 +160,7 @@ def test_where_nothing_is_limited_there_is_nothing_to_lift(path):
     assert tree.fact_values() == before
 
 
-def test_ticks_of_which_nothing_is_told_have_been_all_the_same(path):
+def test_ticks_without_events_are_assumed_unchanged(path):
     count = '<TickCounter name="count" duration="3" completion_status="SUCCESS"/>'
     body = f'<Sequence name="all">{count}<A name="one"/></Sequence>'
     path.write_text(document(body), encoding="utf-8")
@@ -168,7 +173,7 @@ def test_ticks_of_which_nothing_is_told_have_been_all_the_same(path):
     assert (change.tick, change.instead.number, change.instead.status) == (4, 2, "SUCCESS")
 
 
-def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
+def test_tree_with_too_many_runs_is_undecidable(path, monkeypatch):
     monkeypatch.setattr("sar_compiler.analysis.verify.recorded_runs._MAX_EXPLORED", 3)
     path.write_text(document('<A name="one"/>'), encoding="utf-8")
     record = [event for number in range(1, 9) for event in tick(number, 0.0, "RUNNING", {0: "RUNNING"})]
@@ -176,14 +181,14 @@ def test_a_tree_of_too_many_runs_is_given_up_on(path, monkeypatch):
         counterfactual(simulated(path), [*record, *tick(9, 0.0, "FAILURE", {0: "FAILURE"})], ["one"])
 
 
-def led_to(path, body, record, leaf, registry=REGISTRY):
-    """Return what other answers of a leaf would have led to in the last tick of a record, with the names of nodes."""
+def consequences_of(path, body, record, leaf, registry=REGISTRY):
+    """Return the consequences of other outcomes of a leaf in the last recorded tick, with names of nodes."""
     path.write_text(document(body), encoding="utf-8")
     tree = simulated(path, registry)
     names = [each.name for each in pre_order(tree.root)]
     retrospect = WhatIfSearch(tree, names)
     found = retrospect.consequences(record, leaf)
-    # Each question is one of its own.
+    # Each question is independent of the previous one.
     assert retrospect.consequences(record, leaf) == found
     return {
         each.instead.label or each.instead.status: (
@@ -194,21 +199,21 @@ def led_to(path, body, record, leaf, registry=REGISTRY):
     }
 
 
-def test_what_another_answer_would_have_led_to_is_told_of_each(path):
+def test_consequences_of_each_other_outcome_are_reported(path):
     body = '<Fallback name="any"><A name="one"/><A name="two"/></Fallback>'
     record = [*tick(1, 0.0, "RUNNING", {1: "RUNNING"}), *tick(2, 0.1, "SUCCESS", {1: "SUCCESS"})]
-    assert led_to(path, body, record, 1) == {
+    assert consequences_of(path, body, record, 1) == {
         "RUNNING": (["one SUCCESS"], "SUCCESS"),
         "FAILURE": (["two SUCCESS"], "SUCCESS"),
     }
-    assert led_to(path, body, record, 2) == {}
+    assert consequences_of(path, body, record, 2) == {}
 
 
-RUNS = rounds(25)
+RUN_COUNT = rounds(25)
 
 
 @pytest.mark.parametrize("label", ["aborted", "unavailable"])
-def test_a_run_is_found_by_the_answer_where_statuses_are_the_same(path, label):
+def test_label_distinguishes_outcomes_of_same_status(path, label):
     path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
     record = tick(1, 0.0, "FAILURE", {0: "FAILURE"}, label)
     change = counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
@@ -216,7 +221,7 @@ def test_a_run_is_found_by_the_answer_where_statuses_are_the_same(path, label):
     assert (change.was.label, change.instead.label) == (label, "arrived")
 
 
-def test_where_it_is_not_known_which_answer_it_was_any_of_that_status_is_found(path):
+def test_any_outcome_of_status_matches_if_label_is_unknown(path):
     path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
     record = tick(1, 0.0, "FAILURE", {0: "FAILURE"})
     change = counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
@@ -224,18 +229,18 @@ def test_where_it_is_not_known_which_answer_it_was_any_of_that_status_is_found(p
     assert (change.was.status, change.instead.label) == ("FAILURE", "arrived")
 
 
-def test_an_answer_that_cannot_have_been_is_not_found(path):
+def test_impossible_label_is_not_matched(path):
     path.write_text(document("<NavigateToZone/>"), encoding="utf-8")
     record = tick(1, 0.0, "FAILURE", {0: "FAILURE"}, "no zone")
     with pytest.raises(NotReplayedError):
         counterfactual(simulated(path, default_registry()), record, ["NavigateToZone"])
 
 
-class Changed:
-    """Answers as another policy, but for one answer, and after that what is usual.
+class ChangedPolicy:
+    """Follows another policy up to one changed outcome, and then returns usual outcomes.
 
     Args:
-        policy: The other one.
+        policy: The other policy.
         change: The change.
         leaf: The name of its leaf.
     """
@@ -256,15 +261,15 @@ class Changed:
 
 
 @pytest.mark.unmeasured
-def test_with_what_is_changed_faulty_runs_succeed_and_mostly_it_is_the_faulty_leafs_answer(path):
+def test_changed_run_succeeds_and_change_usually_concerns_faulty_leaf(path):
     blamed = []
-    for (faulty, stream, policy), _ in zip(injected(path), range(RUNS), strict=False):
+    for (faulty, stream, policy), _ in zip(injected(path), range(RUN_COUNT), strict=False):
         names = names_in(stream)
         change = counterfactual(simulated(path), recorded_events(stream), names)
         assert change is not None
         assert change.unusual == 0
         leaf = names[change.instead.number]
-        assert flown(simulated(path), Changed(policy(), change, leaf))[1] == "SUCCESS"
+        assert flown(simulated(path), ChangedPolicy(policy(), change, leaf))[1] == "SUCCESS"
         blamed.append(leaf == faulty)
-    assert len(blamed) == RUNS
-    assert sum(blamed) >= 0.95 * RUNS
+    assert len(blamed) == RUN_COUNT
+    assert sum(blamed) >= 0.95 * RUN_COUNT

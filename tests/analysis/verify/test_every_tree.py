@@ -1,26 +1,26 @@
-"""What is asked of every tree: no error, no leaf without a turn, no run without an end."""
+"""Tests of the questions about every tree: no error, every leaf can run, every run can end."""
 
 from sar_compiler.analysis.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, NO_LIVELOCK
 from tests.analysis.verify.stage import BROKEN, PROVED, UNDECIDED, outcome, told, verdict, verified
 
 
-def test_a_plain_sequence_passes_all_of_it():
+def test_plain_sequence_is_proved():
     assert verified("<Sequence><A/><B/></Sequence>").is_proved
 
 
-def test_a_leaf_behind_one_that_always_fails_never_has_its_turn():
+def test_leaf_after_one_that_always_fails_never_runs():
     found = verdict(verified("<Sequence><A/><AlwaysFailure/><B/></Sequence>"), EVERY_LEAF)
     assert (found.outcome, found.reason) == (BROKEN, "no run ticks 'B'")
 
 
-def test_a_leaf_of_the_language_can_be_one_that_never_has_its_turn():
+def test_built_in_leaf_can_be_one_that_never_runs():
     found = verdict(
         verified('<Fallback><AlwaysSuccess/><Script name="Plan" code="x := 1"/></Fallback>'), EVERY_LEAF
     )
     assert found.reason == "no run ticks 'Plan'"
 
 
-def test_a_script_that_reads_what_may_not_be_written_is_an_error_with_its_run():
+def test_read_of_unwritten_key_is_error_with_its_run():
     found = verdict(
         verified(
             '<Fallback><Sequence><A/><Script code="x := 1"/><B/></Sequence><Script code="y := x"/></Fallback>'
@@ -31,7 +31,7 @@ def test_a_script_that_reads_what_may_not_be_written_is_an_error_with_its_run():
     assert "there is no variable 'x'" in found.trace.ticks[-1].error
 
 
-def test_nothing_is_proved_of_runs_that_break_off_with_an_error():
+def test_runs_that_end_with_error_leave_other_questions_undecided():
     verification = verified('<Sequence><Script code="y := x"/><A/></Sequence>')
     found = verdict(verification, NO_LIVELOCK)
     assert (found.outcome, found.reason) == (
@@ -41,18 +41,18 @@ def test_nothing_is_proved_of_runs_that_break_off_with_an_error():
     assert outcome(verification, AN_END) is UNDECIDED
 
 
-def test_a_leaf_that_runs_for_ever_keeps_the_run_from_its_end():
+def test_leaf_that_runs_forever_prevents_end_of_run():
     verification = verified("<Sequence><A/><Running/></Sequence>")
     assert outcome(verification, AN_END) is BROKEN
     found = verdict(verification, NO_LIVELOCK)
     assert (found.outcome, told(found.trace), found.trace.loop) == (BROKEN, ["A:SUCCESS", ""], 1)
 
 
-def test_an_answer_that_is_waited_for_comes_one_day():
+def test_awaited_outcome_arrives_eventually():
     assert outcome(verified("<A/>"), NO_LIVELOCK) is PROVED
 
 
-def test_to_try_again_without_a_bound_is_a_livelock():
+def test_unlimited_retries_are_livelock():
     found = verdict(
         verified('<RetryUntilSuccessful num_attempts="-1"><A/></RetryUntilSuccessful>'), NO_LIVELOCK
     )
@@ -60,23 +60,23 @@ def test_to_try_again_without_a_bound_is_a_livelock():
     assert "A:FAILURE" in told(found.trace)[-1]
 
 
-def test_to_try_again_with_a_bound_is_none():
+def test_limited_retries_are_not_livelock():
     assert verified('<RetryUntilSuccessful num_attempts="3"><A/></RetryUntilSuccessful>').is_proved
 
 
-def test_two_leaves_that_cut_each_other_off_are_a_livelock():
-    # A starts anew in every tick, which halts B before its answer comes.
+def test_leaves_that_interrupt_each_other_are_livelock():
+    # A restarts in every tick, which halts B before it ends.
     found = verdict(verified("<ReactiveSequence><A/><B/></ReactiveSequence>"), NO_LIVELOCK)
     assert found.outcome is BROKEN
     assert any("B:halted" in tick for tick in told(found.trace))
 
 
-def test_a_timer_is_up_one_day():
+def test_timer_expires_eventually():
     verification = verified('<Sequence><Sleep msec="100"/><Delay delay_msec="50"><A/></Delay></Sequence>')
     assert verification.is_proved
 
 
-def test_the_run_to_a_dead_end_stops_at_the_last_end_that_there_is():
+def test_run_to_dead_end_stops_at_last_end():
     latch = '<Precondition if="x == 0" else="RUNNING"><Sequence><A/><Script code="x := 1"/></Sequence></Precondition>'
     found = verdict(
         verified(f'<Sequence><Script code="x := 0" oneshot="ON_COMPLETION"/>{latch}</Sequence>'), AN_END
@@ -84,14 +84,14 @@ def test_the_run_to_a_dead_end_stops_at_the_last_end_that_there_is():
     assert (found.outcome, told(found.trace)) == (BROKEN, ["A:SUCCESS"])
 
 
-def test_a_time_out_ends_the_wait_for_a_leaf():
+def test_timeout_ends_wait_for_leaf():
     body = '<Timeout msec="100"><A/></Timeout>'
     answers = "outcomes: {A: [RUNNING]}"
     assert verified(body, answers).is_proved
     assert outcome(verified("<A/>", answers), AN_END) is BROKEN
 
 
-def test_a_timer_may_be_up_before_and_after_any_answer():
+def test_timer_can_expire_before_or_after_any_outcome():
     never = "properties: {p: {never: B starts}}"
     tree = '<Fallback><Timeout msec="100"><A/></Timeout><B/></Fallback>'
     found = verdict(verified(tree, f"{never}\noutcomes: {{A: [SUCCESS, RUNNING]}}"), "p")
@@ -99,14 +99,14 @@ def test_a_timer_may_be_up_before_and_after_any_answer():
     assert "A:halted" in told(found.trace)[1]
 
 
-def test_a_finished_one_shot_stays_finished():
+def test_finished_oneshot_stays_finished():
     verification = verified('<A oneshot="ON_COMPLETION"/>', "properties: {p: {at_most_once: A SUCCESS}}")
     assert verification.is_proved
     assert outcome(verified("<A/>", "properties: {p: {at_most_once: A SUCCESS}}"), "p") is BROKEN
 
 
-def test_the_keys_of_the_tree_are_part_of_its_state():
-    # The second attempt finds what the first has written.
+def test_blackboard_is_part_of_state():
+    # The second attempt reads the value that the first one has written.
     tree = """<RetryUntilSuccessful num_attempts="2"><Sequence>
         <SetBlackboard value="1" output_key="tried" _onSuccess="again := n"/>
         <Script code="n += 1"/><ScriptCondition code="n == 2"/><A/></Sequence></RetryUntilSuccessful>"""
@@ -115,7 +115,7 @@ def test_the_keys_of_the_tree_are_part_of_its_state():
     assert outcome(verified(start.replace("n == 2", "n == 3")), EVERY_LEAF) is BROKEN
 
 
-def test_what_never_comes_to_an_end_of_its_states_is_not_decided():
+def test_tree_with_unbounded_states_is_undecided():
     tree = '<Sequence><A _onSuccess="n := 0; m := -1" oneshot="ON_COMPLETION"/><Script code="n += 1" _skipIf="n == m"/></Sequence>'
     verification = verified(tree, max_states=300)
     assert not verification.complete
@@ -123,7 +123,7 @@ def test_what_never_comes_to_an_end_of_its_states_is_not_decided():
     assert verification.growing[0][0] == "n"
 
 
-def test_what_speaks_against_it_within_the_bound_is_still_found():
+def test_counterexample_within_state_limit_is_found():
     tree = (
         '<Parallel success_count="2"><RetryUntilSuccessful num_attempts="-1"><A/></RetryUntilSuccessful>'
         '<KeepRunningUntilFailure><Sequence><B oneshot="ON_COMPLETION" _onSuccess="n := 0" _onFailure="n := 0"/>'

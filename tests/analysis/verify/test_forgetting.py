@@ -1,4 +1,4 @@
-"""How a node has ended is forgotten where each of its starts is as the first: nothing that is proved depends on it."""
+"""Tests of forgetting the outcomes of ended nodes: the verdicts are the same, with no more states."""
 
 import pytest
 
@@ -16,10 +16,10 @@ _TREES = rounds(40)
 _MOST_STATES = 3000
 
 
-def verified(binding, *, forgets):
-    """Return the answers to all questions, with the lengths of their runs; and the number of states, if all were found.
+def verify_binding(binding, *, forgets):
+    """Return the verdicts with the lengths of their runs, and the number of states if the search is complete.
 
-    A run that goes round for ever is left without a length: the fewer states there are, the sooner one comes again.
+    A run with a loop has no length: with fewer states, a loop may be shorter.
     """
     result = verify(simulated_tree(binding), None, (), _MOST_STATES, forgets=forgets)
     answers = [(verdict.question, verdict.outcome, length_of(verdict.trace)) for verdict in result.verdicts]
@@ -30,7 +30,7 @@ def length_of(trace):
     return None if trace is None or trace.loop else len(trace.ticks)
 
 
-def test_random_trees_have_the_same_answers_whether_it_is_forgotten_or_not_in_no_more_states():
+def test_random_trees_have_same_verdicts_with_no_more_states():
     fewer = 0
     for seed in range(200, 200 + _TREES):
         try:
@@ -38,7 +38,7 @@ def test_random_trees_have_the_same_answers_whether_it_is_forgotten_or_not_in_no
         except TreeError:
             continue
         (answers, states), (plain_answers, plain_states) = (
-            verified(binding, forgets=forgets) for forgets in (True, False)
+            verify_binding(binding, forgets=forgets) for forgets in (True, False)
         )
         if plain_states is None:
             continue
@@ -56,6 +56,6 @@ def test_random_trees_have_the_same_answers_whether_it_is_forgotten_or_not_in_no
     ],
     ids=["a condition that is not reset", "a parallel that does not tick again what has succeeded"],
 )
-def test_it_is_not_forgotten_where_a_node_heeds_it(body):
+def test_outcome_is_kept_if_node_depends_on_it(body):
     stage = FlatStage(bound_tree(body), seed=1)
     assert any(node.heeds_end for node in stage.flat.nodes)

@@ -1,4 +1,4 @@
-"""Ticks that go on from where they part, and that are not followed twice where they meet."""
+"""Tests of searches that resume ticks at their branching points, and merge ticks at the same middle."""
 
 import os
 import subprocess
@@ -41,15 +41,15 @@ properties:
 """
 
 
-def rounds_of(graph):
-    """Return what there is to say of the ends of runs, each round by its number of ticks."""
+def endless_runs_of(graph):
+    """Return the properties of endless runs in a graph, each loop by its number of ticks."""
     found = endings(graph)
     circling = [found.circling, *(owing_for_ever(graph, 1 << rule) for rule in range(3))]
     return found.stuck, [each and len(lasso(graph, each).loop) for each in circling]
 
 
 def graph_of(binding, properties=None, *, meets):
-    """Return all that a search finds, where ticks meet, or are each played to the end."""
+    """Return the results of a search in which ticks are merged, or each played to the end."""
     file = None if properties is None else parse_property_file(properties, "props.yaml")
     simulated = simulated_tree(binding, file)
     prepared = PreparedTree.prepare(simulated)
@@ -58,13 +58,21 @@ def graph_of(binding, properties=None, *, meets):
     graph = explore(stepper.steps, 3000)
     ticks = [set(graph.ticks(state)) for state in range(graph.expanded_count)]
     error = graph.error and (graph.error.source, graph.error.path)
-    return list(graph.states), ticks, graph.breaches, bytes(graph.ends), stepper.ran, error, rounds_of(graph)
+    return (
+        list(graph.states),
+        ticks,
+        graph.breaches,
+        bytes(graph.ends),
+        stepper.ran,
+        error,
+        endless_runs_of(graph),
+    )
 
 
 @pytest.mark.parametrize(
     "binding", [*trees(range(200, 200 + rounds(15))), *trees(range(rounds(6)), random_parallel)]
 )
-def test_where_ticks_meet_nothing_is_lost(binding):
+def test_merged_ticks_give_same_graph(binding):
     assert graph_of(binding, meets=True) == graph_of(binding, meets=False)
 
 
@@ -83,19 +91,19 @@ def test_where_ticks_meet_nothing_is_lost(binding):
         ),
     ],
 )
-def test_where_ticks_meet_that_have_broken_other_properties_nothing_is_lost(body):
+def test_merged_ticks_with_different_violations_give_same_graph(body):
     binding = bound(body)
     assert graph_of(binding, PROPERTIES, meets=True) == graph_of(binding, PROPERTIES, meets=False)
 
 
-def test_leaves_that_are_tried_again_in_one_tick_do_not_multiply():
+def test_retries_in_one_tick_do_not_multiply_states():
     again = '<RetryUntilSuccessful num_attempts="3"><A/></RetryUntilSuccessful>'
     found = verified(f"<Sequence>{again * 40}</Sequence>")
     assert found.is_proved
     assert found.states == 40 * 5 + 3
 
 
-def test_a_condition_that_changes_what_it_looks_at_changes_it_in_every_run():
+def test_condition_with_side_effect_is_evaluated_in_every_run():
     body = (
         '<Sequence><Script code="a := 0"/><Repeat num_cycles="3"><Sequence><A/>'
         '<ScriptCondition code="a += 1; true"/></Sequence></Repeat><ScriptCondition code="a == 3"/><A/></Sequence>'
@@ -106,7 +114,7 @@ def test_a_condition_that_changes_what_it_looks_at_changes_it_in_every_run():
     assert outcome(found, "every leaf can run") is BROKEN
 
 
-def test_a_middle_is_forgotten_when_no_tick_has_come_to_it_lately():
+def test_middle_is_discarded_if_not_reached_recently():
     middles = Middles(room=2)
     assert [middles.add(each) for each in (b"met again", b"met once", b"new")] == [0, 1, 2]
     assert middles.find(b"met again") == 0
@@ -115,8 +123,8 @@ def test_a_middle_is_forgotten_when_no_tick_has_come_to_it_lately():
     assert middles.add(b"met once") == 4
 
 
-def test_a_leaf_that_begins_and_ends_in_a_tick_leaves_nothing_behind():
-    """Else a tick in which much is tried again would have another middle for each of its histories."""
+def test_leaf_that_starts_and_ends_in_tick_leaves_no_trace():
+    """Otherwise a tick with many attempts would have a different middle for each of its histories."""
     trail = Trail({}, [], lambda watched, _: (watched, 0), EntryCells())
     trail.begin(0)
     leaf = trail.bit(7)
@@ -127,7 +135,7 @@ def test_a_leaf_that_begins_and_ends_in_a_tick_leaves_nothing_behind():
     assert trail.waits == (0, 0, leaf)
 
 
-def test_a_leaf_that_runs_on_is_waited_for_until_it_ends():
+def test_running_leaf_is_awaited_until_it_ends():
     trail = Trail({}, [], lambda watched, _: (watched, 0), EntryCells())
     trail.begin(0)
     leaf = trail.bit(7)
@@ -138,7 +146,7 @@ def test_a_leaf_that_runs_on_is_waited_for_until_it_ends():
 
 
 def steps_of_branches():
-    """Return the steps of a tree whose ticks come to thousands of middles, and often to one that was just left."""
+    """Return the steps of a tree with thousands of middles, many of which are reached again at once."""
     body = random_branches(46)
     file = parse_property_file(random_properties(body, 46), "props.yaml")
     prepared = PreparedTree.prepare(simulated_tree(bound(body), file))
@@ -146,7 +154,7 @@ def steps_of_branches():
     return [[int(target) for target in steps.targets] for steps in (graph.steps, graph.middles)]
 
 
-def test_the_graph_is_the_same_whatever_python_seeds_its_hashes_with():
+def test_graph_does_not_depend_on_hash_seed():
     code = f"from {__name__} import steps_of_branches as steps; print(steps())"
     graphs = {
         subprocess.run(
@@ -162,8 +170,8 @@ def test_the_graph_is_the_same_whatever_python_seeds_its_hashes_with():
     assert len(graphs.pop()) > 10_000
 
 
-class MeetingAgain(HandMade):
-    """From its only state two ways lead to a middle, the second one when the first has just left it."""
+class RejoiningSteps(HandMade):
+    """Two paths lead from the only state to a middle, the second one just after the first has left it."""
 
     def __init__(self):
         super().__init__({})
@@ -179,7 +187,7 @@ class MeetingAgain(HandMade):
         return self._to_come.pop(0)
 
 
-def test_a_middle_that_was_just_left_has_its_number():
-    graph = explore(MeetingAgain(), 10)
+def test_middle_that_was_just_left_keeps_its_number():
+    graph = explore(RejoiningSteps(), 10)
     assert len(graph.middles) == 1
     assert graph.ticks(0) == [(0, 0)]

@@ -1,4 +1,4 @@
-"""Runs that never end: which there are, which are fair, and how they are told."""
+"""Tests of endless runs: their detection, their fairness, and the traces that show them."""
 
 import random
 
@@ -9,8 +9,8 @@ from sar_compiler.analysis.state_search.liveness import components, endings, is_
 from tests.analysis.verify.handmade import explored, numbers
 
 
-def circling(graph):
-    """Return a round without an end that there is."""
+def circling_states(graph):
+    """Return the states of an endless loop, which must exist."""
     found = endings(graph).circling
     assert found is not None
     return found
@@ -20,82 +20,82 @@ def keys(graph, states):
     return None if states is None else sorted(numbers(graph)[state] for state in states)
 
 
-def test_a_run_that_can_only_end_ends():
+def test_run_that_can_only_end_has_no_endless_loop():
     graph = explored({0: [1], 1: [2]}, ends=[2])
     assert endings(graph) == endings(explored({}, ends=[0]))
     assert (endings(graph).stuck, endings(graph).circling) == (None, None)
 
 
-def test_a_state_behind_which_no_end_comes_is_found():
+def test_state_without_reachable_end_is_stuck():
     graph = explored({0: [1, 2], 1: [3], 3: [1]}, ends=[2])
     assert numbers(graph)[endings(graph).stuck] == 1
 
 
-def test_an_end_behind_which_no_other_comes_is_found_itself():
+def test_end_without_further_end_is_stuck():
     graph = explored({0: [1], 1: [2, 3], 2: [3], 3: [2]}, ends=[1])
     assert numbers(graph)[endings(graph).stuck] == 1
 
 
-def test_a_round_that_can_be_left_but_need_not_be_is_a_livelock():
+def test_loop_that_need_not_be_left_is_livelock():
     graph = explored({0: [1], 1: [2, 3], 2: [1]}, ends=[3])
     found = endings(graph)
     assert (found.stuck, keys(graph, found.circling)) == (None, [1, 2])
 
 
-def test_a_round_that_leads_through_an_end_is_none():
+def test_loop_through_end_is_not_livelock():
     assert endings(explored({0: [1], 1: [0]}, ends=[1])).circling is None
 
 
-def test_to_wait_for_an_answer_for_ever_is_not_fair():
+def test_waiting_forever_for_one_answer_is_not_fair():
     assert endings(explored({0: [(0, 1), 1]}, ends=[1])).circling is None
 
 
-def test_to_wait_for_one_answer_after_another_for_ever_is_fair():
+def test_waiting_forever_for_alternating_answers_is_fair():
     graph = explored({0: [(1, 0b01), 2], 1: [(0, 0b10)]}, ends=[2])
     assert keys(graph, endings(graph).circling) == [0, 1]
 
 
-def test_to_wait_for_one_answer_while_others_come_is_not_fair():
+def test_waiting_for_one_answer_while_others_arrive_is_not_fair():
     assert endings(explored({0: [(1, 0b11), 2], 1: [(0, 0b10)]}, ends=[2])).circling is None
 
 
-def test_what_was_not_gone_through_may_still_end():
+def test_unexplored_states_may_still_end():
     assert endings(explored({number: [number + 1] for number in range(20)}, max_states=5)).stuck is None
 
 
-def test_a_debt_that_is_never_paid_is_found():
+def test_obligation_that_is_never_met_is_found():
     graph = explored({0: [1], 1: [2, 3], 2: [1], 3: [3]}, owing={1: 0b100, 2: 0b100})
     assert keys(graph, owing_for_ever(graph, 0b100)) == [1, 2]
     assert owing_for_ever(graph, 0b1) is None
 
 
-def test_a_debt_that_is_paid_in_every_round_is_none():
+def test_obligation_met_in_every_loop_is_not_reported():
     graph = explored({0: [1], 1: [2], 2: [1]}, owing={1: 1})
     assert owing_for_ever(graph, 1) is None
 
 
-def test_the_livelock_that_is_told_is_one_that_fewest_ticks_lead_to():
+def test_livelock_with_shortest_path_is_reported():
     graph = explored({0: [1, 4], 1: [2], 2: [3], 3: [2], 4: [5], 5: [4]})
     assert keys(graph, endings(graph).circling) == [4, 5]
 
 
-def test_a_lasso_is_a_shortest_way_and_a_shortest_fair_round():
+def test_lasso_has_shortest_stem_and_shortest_fair_loop():
     ticks = {0: [1], 1: [(1, 1), 2, 4], 2: [3], 3: [1], 4: [1]}
     graph = explored(ticks)
-    found = lasso(graph, circling(graph))
+    found = lasso(graph, circling_states(graph))
     assert [numbers(graph)[state] for state in found.stem] == [0, 1]
     assert [numbers(graph)[target] for target, _ in found.loop] == [4, 1]
 
 
-def test_a_round_is_gone_until_everything_that_was_waited_for_has_come():
+def test_loop_continues_until_all_awaited_answers_have_arrived():
     ticks = {0: [(1, 0b01), (2, 0b10)], 1: [(0, 0b01)], 2: [(0, 0b10)]}
     graph = explored(ticks)
-    loop = lasso(graph, circling(graph)).loop
+    loop = lasso(graph, circling_states(graph)).loop
     assert sorted(numbers(graph)[target] for target, _ in loop) == [0, 0, 1, 2]
 
 
-def reached(ticks, start):
-    """Return what can be reached from a state, by one tick or more."""
+def reachable_states(ticks, start):
+    """Return the states that can be reached from a state by one tick or more."""
     found, waiting = set(), list(ticks[start])
     while waiting:
         state = waiting.pop()
@@ -106,7 +106,7 @@ def reached(ticks, start):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_the_components_of_random_graphs_are_those_that_reach_each_other(seed):
+def test_components_of_random_graphs_are_mutually_reachable_states(seed):
     chance = random.Random(seed)  # noqa: S311 - the same in every run
     count = chance.randint(1, 30)
     ticks = {state: [chance.randrange(count) for _ in range(chance.randint(1, 3))] for state in range(count)}
@@ -117,7 +117,7 @@ def test_the_components_of_random_graphs_are_those_that_reach_each_other(seed):
         for number, key in enumerate(numbers(graph))
         if not excluded[number]
     }
-    can_reach = {key: reached(left, key) | {key} for key in left}
+    can_reach = {key: reachable_states(left, key) | {key} for key in left}
     expected = {frozenset(other for other in can_reach[key] if key in can_reach[other]) for key in left}
     found = list(components(graph, excluded))
     assert {frozenset(numbers(graph)[state] for state in component) for component in found} == expected
@@ -131,7 +131,7 @@ def test_the_components_of_random_graphs_are_those_that_reach_each_other(seed):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_a_lasso_of_a_random_graph_goes_round_and_leaves_off_waiting_for_each(seed):
+def test_lasso_of_random_graph_is_fair_loop(seed):
     chance = random.Random(seed)  # noqa: S311 - the same in every run
     count = chance.randint(2, 12)
     graph = explored(
@@ -156,7 +156,7 @@ def test_a_lasso_of_a_random_graph_goes_round_and_leaves_off_waiting_for_each(se
     [[7, 32_767, 32_768, 3], [7, 1 << 31, 32_768, 3], [7, 40_000, (1 << 31) - 1, 1 << 31, 3]],
     ids=["four bytes", "eight bytes", "one after the other"],
 )
-def test_numbers_are_kept_however_large_one_of_them_is(numbers):
+def test_large_numbers_are_stored(numbers):
     held = Numbers()
     for number in numbers:
         held.append(number)

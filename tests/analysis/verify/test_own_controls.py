@@ -1,4 +1,4 @@
-"""Controls and decorators of a user's classes: written with `begin` and `resume`, or taken to do what their semantics say."""
+"""Tests of users' own controls and decorators: with `begin` and `resume`, or replaced by their semantics."""
 
 import json
 import re
@@ -25,41 +25,41 @@ _MOST_STATES = 2000
 TWINS = ("Sequence", "Fallback", "ReactiveFallback", "Inverter")
 
 
-def own_binding(body):
-    """Bind a tree; one whose parts do not go together is skipped."""
+def bind_or_skip(body):
+    """Bind a tree; skip the test if the tree has errors."""
     try:
         return bind_main(forest(body), REGISTRY)
     except TreeError:
         pytest.skip("the parts of this tree do not go together")
 
 
-def verified(body):
-    simulated = compile_simulated(own_binding(body), {}, all_runs=True)
+def verify_body(body):
+    simulated = compile_simulated(bind_or_skip(body), {}, all_runs=True)
     return verify(simulated, None, TAGS, _MOST_STATES)
 
 
-def ticks_of(body):
-    """Return how many ticks there are between the states; how many steps they share depends on the nodes."""
-    simulated = compile_simulated(own_binding(body), {}, all_runs=True)
+def count_ticks(body):
+    """Return the number of ticks between states; the number of shared steps depends on the nodes."""
+    simulated = compile_simulated(bind_or_skip(body), {}, all_runs=True)
     graph = Explored(simulated, _MOST_STATES, forgets=True).graph
     return sum(len(graph.ticks(state)) for state in range(graph.expanded_count))
 
 
-def answers(body):
-    """Return the answers about a tree, each with the number of ticks in which it is shown."""
+def verdicts_with_lengths(body):
+    """Return the verdicts about a tree, each with the length of its trace in ticks."""
     return {
         verdict.question: (verdict.outcome, verdict.trace and len(verdict.trace.ticks) - verdict.trace.loop)
-        for verdict in verified(body).verdicts
+        for verdict in verify_body(body).verdicts
         if verdict.question != OWN_RECORDS
     }
 
 
 def outcomes(body):
-    return {verdict.question: verdict.outcome for verdict in verified(body).verdicts}
+    return {verdict.question: verdict.outcome for verdict in verify_body(body).verdicts}
 
 
-def copied(body):
-    """Return a tree with copies of some nodes in their place."""
+def with_own_copies(body):
+    """Return a tree in which some nodes are replaced by their own-class copies."""
     for tag in TWINS:
         body = re.sub(rf"(</?){tag}\b", rf"\1Own{tag}", body)
     return body
@@ -67,10 +67,10 @@ def copied(body):
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(400, 400 + rounds(20)))
-def test_a_control_of_ones_own_has_the_answers_of_the_one_that_it_copies(seed):
+def test_own_control_has_same_verdicts_as_original(seed):
     body = random_tree(seed)
-    assert outcomes(copied(body)).get(OWN_RECORDS, PROVED) is PROVED
-    assert answers(copied(body)) == answers(body)
+    assert outcomes(with_own_copies(body)).get(OWN_RECORDS, PROVED) is PROVED
+    assert verdicts_with_lengths(with_own_copies(body)) == verdicts_with_lengths(body)
 
 
 WRITTEN = [
@@ -85,9 +85,11 @@ WRITTEN = [
 
 
 @pytest.mark.unmeasured
-@pytest.mark.parametrize("body", [*WRITTEN, *map(copied, map(random_tree, range(500, 500 + rounds(8))))])
-def test_every_state_that_py_trees_comes_to_with_ones_own_classes_is_found_and_no_other(body):
-    binding = own_binding(body)
+@pytest.mark.parametrize(
+    "body", [*WRITTEN, *map(with_own_copies, map(random_tree, range(500, 500 + rounds(8))))]
+)
+def test_states_of_own_classes_match_py_trees(body):
+    binding = bind_or_skip(body)
     reached = set(tick_sequences(binding))
     explored = Explored(simulated_tree(binding), 50_000)
     graph = explored.graph
@@ -100,20 +102,20 @@ def test_every_state_that_py_trees_comes_to_with_ones_own_classes_is_found_and_n
     "body",
     [
         *WRITTEN,
-        *map(copied, map(random_tree, range(600, 600 + rounds(10)))),
+        *map(with_own_copies, map(random_tree, range(600, 600 + rounds(10)))),
         "<OwnRecovery retries='2'><Fallback><A/><A/></Fallback><Sequence><A/><A/><OwnCount most='2'><A/></OwnCount></Sequence></OwnRecovery>",
         "<OwnTwice><Fallback><A/><P/></Fallback><A/></OwnTwice>",
         "<OwnSequence><OwnTimeout><OwnFallback><A/><A/></OwnFallback></OwnTimeout><OwnTwice><A/><OwnFallback><P/><B/></OwnFallback></OwnTwice></OwnSequence>",
     ],
 )
-def test_where_ticks_meet_in_the_middle_of_ones_own_nodes_nothing_is_lost(body):
-    binding = own_binding(body)
+def test_merged_ticks_within_own_nodes_give_same_graph(body):
+    binding = bind_or_skip(body)
     assert graph_of(binding, PROPERTIES, meets=True) == graph_of(binding, PROPERTIES, meets=False)
 
 
-def test_a_recovery_that_is_tried_often_does_not_multiply_what_its_leaves_answer():
+def test_retried_recovery_does_not_multiply_states():
     parts = "<Sequence><A/><B/></Sequence><Fallback><A/><B/></Fallback>"
-    found = verified(f'<OwnRecovery retries="6">{parts}</OwnRecovery>')
+    found = verify_body(f'<OwnRecovery retries="6">{parts}</OwnRecovery>')
     assert found.is_proved
     assert found.complete
 
@@ -123,11 +125,14 @@ PARTS = ("<X/>", "<Y/>", "<P/>", "<Inverter><P/></Inverter>", "<Fallback><X/><P/
 
 @pytest.mark.parametrize("first", PARTS)
 @pytest.mark.parametrize("second", PARTS)
-def test_a_recovery_has_the_answers_of_the_nodes_that_it_stands_for(first, second):
+def test_recovery_has_same_verdicts_as_equivalent_nodes(first, second):
     known = f"<Fallback>{first}<Sequence>{second}{first}</Sequence></Fallback>"
-    expected, found = answers(known), answers(f"<OwnRecovery>{first}{second}</OwnRecovery>")
+    expected, found = (
+        verdicts_with_lengths(known),
+        verdicts_with_lengths(f"<OwnRecovery>{first}{second}</OwnRecovery>"),
+    )
     for each in (expected, found):
-        del each[EVERY_LEAF]  # there are other leaves in them
+        del each[EVERY_LEAF]  # the trees have different leaves
     assert found == expected
 
 
@@ -137,33 +142,33 @@ def test_a_recovery_has_the_answers_of_the_nodes_that_it_stands_for(first, secon
 @pytest.mark.parametrize(
     "around", ["{}", "<Sequence>{}<A/></Sequence>", "<Fallback>{}<B/></Fallback>", "<Inverter>{}</Inverter>"]
 )
-def test_a_time_out_of_ones_own_has_the_answers_of_the_librarys(child, around):
+def test_own_timeout_has_same_verdicts_as_built_in_timeout(child, around):
     own, known = (
         around.format(f"<{tag}>{child}</{tag.split()[0]}>") for tag in ("OwnTimeout", 'Timeout msec="5000"')
     )
     assert outcomes(own) == outcomes(known)
 
 
-def test_a_time_that_begins_anew_in_every_tick_is_never_up():
+def test_timer_restarted_in_every_tick_never_expires():
     assert outcomes("<OwnDebounce><P/></OwnDebounce>")[NO_LIVELOCK] is BROKEN
 
 
-def test_a_time_that_is_up_at_once_is_never_waited_for():
+def test_timer_with_zero_duration_is_never_awaited():
     assert outcomes('<OwnTimeout seconds="0"><Sequence><A/><B/></Sequence></OwnTimeout>') == {
         NO_ERROR: PROVED, EVERY_LEAF: PROVED, AN_END: PROVED, NO_LIVELOCK: PROVED,
     }  # fmt: skip
 
 
-def test_what_a_cell_holds_is_part_of_the_state_until_the_node_has_ended():
+def test_cell_is_part_of_state_until_node_ends():
     endless = "<KeepRunningUntilFailure>{}</KeepRunningUntilFailure>"
-    assert verified("<OwnCount><A/></OwnCount>").is_proved
-    assert verified(endless.format("<OwnCount><AlwaysSuccess/></OwnCount>")).states == 2
+    assert verify_body("<OwnCount><A/></OwnCount>").is_proved
+    assert verify_body(endless.format("<OwnCount><AlwaysSuccess/></OwnCount>")).states == 2
 
 
-def test_a_cell_that_keeps_what_it_holds_outlasts_the_end_and_a_halt():
+def test_persistent_cell_outlasts_end_and_halt():
     endless = "<KeepRunningUntilFailure>{}</KeepRunningUntilFailure>"
     turns = "<OwnTurn><AlwaysSuccess/><AlwaysSuccess/><AlwaysSuccess/></OwnTurn>"
-    assert verified(endless.format(turns)).states == 4
+    assert verify_body(endless.format(turns)).states == 4
     halted = "<KeepRunningUntilFailure><Timeout msec='9'><OwnTurn><A/><B/></OwnTurn></Timeout></KeepRunningUntilFailure>"
     assert outcomes(halted)[EVERY_LEAF] is PROVED
 
@@ -179,9 +184,9 @@ def test_a_cell_that_keeps_what_it_holds_outlasts_the_end_and_a_halt():
         ("<OwnHours><A/></OwnHours>", ["reads the clock", "start_timer()"]),
     ],
 )
-def test_what_cannot_be_gone_through_is_said_with_what_to_do_instead(body, words):
+def test_unverifiable_class_is_reported_with_remedy(body, words):
     with pytest.raises(UndecidableError) as caught:
-        verified(body)
+        verify_body(body)
     for word in words:
         assert word in str(caught.value)
 
@@ -193,27 +198,27 @@ def test_what_cannot_be_gone_through_is_said_with_what_to_do_instead(body, words
         ("OwnStray", "begin() returned <"),
     ],
 )
-def test_a_class_that_answers_neither_with_a_status_nor_with_a_child_is_an_error_that_names_it(tag, said):
-    verdict = next(each for each in verified(f"<{tag}><A/></{tag}>").verdicts if each.question == NO_ERROR)
+def test_class_that_returns_neither_status_nor_child_is_named_in_error(tag, said):
+    verdict = next(each for each in verify_body(f"<{tag}><A/></{tag}>").verdicts if each.question == NO_ERROR)
     assert verdict.outcome is BROKEN
     assert verdict.reason.startswith(f"'{tag}' ({tag}) failed: {said}")
     assert verdict.reason.endswith("or the child to tick next")
 
 
-def test_a_cell_that_counts_without_end_is_named():
-    endless = verified("<OwnEndless><KeepRunningUntilFailure><A/></KeepRunningUntilFailure></OwnEndless>")
+def test_unbounded_cell_is_named():
+    endless = verify_body("<OwnEndless><KeepRunningUntilFailure><A/></KeepRunningUntilFailure></OwnEndless>")
     assert not endless.complete
     assert endless.growing[0][0] == "OwnEndless.ticks"
 
 
-def test_a_verification_is_shown_in_one_line():
-    assert repr(verified("<Sequence><A/><AlwaysFailure/><B/></Sequence>")) == (
+def test_verification_repr_is_one_line():
+    assert repr(verify_body("<Sequence><A/><AlwaysFailure/><B/></Sequence>")) == (
         "<Verification: 3 proved, 1 does not hold; 3 states>"
     )
 
 
-def test_a_notebook_has_the_questions_with_their_answers_as_a_table():
-    found = verified("<Sequence><A/><AlwaysFailure/><B/></Sequence>")
+def test_notebook_shows_verdicts_as_table():
+    found = verify_body("<Sequence><A/><AlwaysFailure/><B/></Sequence>")
     table = found._repr_html_()
     assert "<caption>Verification: 3 proved, 1 does not hold; 3 states</caption>" in table
     assert table.count("<tr>") == len(found.verdicts) == 4
@@ -241,14 +246,14 @@ def test_a_notebook_has_the_questions_with_their_answers_as_a_table():
         ),
     ],
 )
-def test_a_class_that_does_what_its_record_excludes_is_named_with_a_run(body, did, ticks):
-    verdict = verified(body).verdicts[-1]
+def test_class_that_contradicts_its_declaration_is_named_with_run(body, did, ticks):
+    verdict = verify_body(body).verdicts[-1]
     assert (verdict.question, verdict.outcome) == (OWN_RECORDS, BROKEN)
     assert verdict.reason.startswith(did)
     assert len(verdict.trace.ticks) == ticks
 
 
-def test_of_a_class_that_says_nothing_of_itself_nothing_is_asked():
+def test_class_without_declaration_has_no_question():
     assert OWN_RECORDS not in outcomes("<OwnInverter><A/></OwnInverter>")
     assert outcomes("<OwnSequence><A/><B/></OwnSequence>")[OWN_RECORDS] is PROVED
 
@@ -280,17 +285,17 @@ BY_SEMANTICS = [
 
 
 @pytest.mark.parametrize(("own", "known"), BY_SEMANTICS)
-def test_a_class_with_a_tick_of_its_own_is_taken_to_do_what_its_semantics_say(own, known):
+def test_class_with_own_tick_is_verified_by_its_semantics(own, known):
     parts = "<X/><Fallback><Y/><P/></Fallback>"
     own, known = own.format(parts), known.format(parts)
-    found, expected = verified(own), verified(known)
-    assert answers(own) == answers(known)
-    assert (found.states, ticks_of(own)) == (expected.states, ticks_of(known))
+    found, expected = verify_body(own), verify_body(known)
+    assert verdicts_with_lengths(own) == verdicts_with_lengths(known)
+    assert (found.states, count_ticks(own)) == (expected.states, count_ticks(known))
     assert expected.by_semantics == ()
 
 
-def test_the_proof_names_the_classes_of_which_it_proves_nothing():
-    found = verified(
+def test_report_names_classes_replaced_by_semantics():
+    found = verify_body(
         "<TickingSequence><A/><TickingTurn><P/></TickingTurn><TickingTurn><P/></TickingTurn></TickingSequence>"
     )
     place = "tests.analysis.verify.own_controls"
@@ -311,15 +316,15 @@ def test_the_proof_names_the_classes_of_which_it_proves_nothing():
         "<TickingRetry attempts='0'><A/></TickingRetry>",
     ],
 )
-def test_a_class_with_a_tick_of_its_own_whose_semantics_leave_something_open_is_refused(body):
+def test_class_with_own_tick_and_incomplete_semantics_is_rejected(body):
     with pytest.raises(
         UnknownBehaviourError,
         match=r"(?s)Ticking\w+> has its own methods .*with the methods begin and resume",
     ):
-        verified(body)
+        verify_body(body)
 
 
-def test_where_single_runs_are_played_a_class_with_a_tick_of_its_own_is_ticked_by_it():
-    simulated = compile_simulated(own_binding("<TickingMystery><A/></TickingMystery>"), {})
+def test_class_with_own_tick_is_used_in_simulation():
+    simulated = compile_simulated(bind_or_skip("<TickingMystery><A/></TickingMystery>"), {})
     assert type(simulated.root).__name__ == "TickingMystery"
     assert simulated.by_semantics == ()

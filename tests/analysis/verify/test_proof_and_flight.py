@@ -1,7 +1,8 @@
-"""Proof and flight are one: below every node, every other one does in flight what the proof goes on with, event by event.
+"""Tests that proof and run agree: below every node, every other node behaves in a run as in the proof.
 
-A flight answers by chance. Beside it goes the proof: of all the ticks that it knows of its state, it takes those with the same
-events and the same outcome, once with states that forget how nodes have ended, and once with states that do not.
+A run has random outcomes. The proof follows it: among the ticks that it knows of its states, it takes those
+with the same events and the same outcome, once with states that forget how nodes have ended, and once with
+states that do not.
 """
 
 import functools
@@ -45,31 +46,31 @@ _LEAVES = (
 )
 
 
-def distinct(known: list[Form]) -> list[Form]:
-    """Return those of some forms that differ in what they do: one of Nav2's that look at the world, one loop, the smallest switch."""
-    told = ("True", "False")
+def distinct_forms(known: list[Form]) -> list[Form]:
+    """Return forms with different behaviour: one world condition of Nav2, one loop, the smallest switch."""
+    booleans = ("True", "False")
     return [
         form
         for form in known
-        if not any(text in told for _, text in form.attributes)
+        if not any(text in booleans for _, text in form.attributes)
         and not (form.spec.has_world_leaf and form.attributes)
         and form.spec.tag not in ("LoopDouble", "LoopBool", "LoopString")
         and not (form.spec.tag.startswith("Switch") and form.spec.child_count != (3, 3))
     ]
 
 
-FORMS = distinct(forms(REGISTRY))
-OF_TAG = {form.spec.tag: form for form in reversed(FORMS)}
+FORMS = distinct_forms(forms(REGISTRY))
+FORM_BY_TAG = {form.spec.tag: form for form in reversed(FORMS)}
 
 
 def stub(answers: tuple[str, ...], name: str, *, writes: bool) -> str:
-    """Return a leaf; one that writes what a node around it reads."""
+    """Return a leaf, with scripts that write the keys of the node around it if `writes` is set."""
     scripts = '_onSuccess="v = v == 0 ? 1 : 0" _onFailure="entry = entry + 1"'
     return leaf(answers, name).replace("/>", f" {scripts}/>") if writes else leaf(answers, name)
 
 
 def trees(around: Form, answers: tuple[str, ...]):
-    """Yield a tree for each node, and each leaf of the language, as the last child of those that act, as the first one else."""
+    """Yield a tree for each node and built-in leaf: the last child if leaves never skip, else the first."""
     known: tuple[Form | str, ...] = (*FORMS, *_LEAVES)
     for within in known:
         writes = around.reads_keys or reads_keys(str(within))
@@ -83,36 +84,36 @@ def trees(around: Form, answers: tuple[str, ...]):
         yield around.text([*beside, inner] if answers is _ACTS else [inner, *beside])
 
 
-def bound(body: str):
+def bind_or_none(body: str):
     try:
         return bind_main(forest(body), REGISTRY)
     except TreeError:
         return None
 
 
-def simulated(binding: Any) -> Any:
-    """Compile a tree with stub leaves; what it reads is 0 at first."""
+def compile_with_stubs(binding: Any) -> Any:
+    """Compile a tree with stub leaves; its keys are 0 at first."""
     made = compile_simulated(binding, {})
     for key in _KEYS:
         made.compiled.instance.scope.resolve(key).write(0)
     return made
 
 
-def told(events: Any) -> tuple[Any, ...]:
+def without_ticked_events(events: Any) -> tuple[Any, ...]:
     return tuple(event for event in events if event.what != TICKED)
 
 
-class Flight:
-    """A tree that is ticked as a run ticks it, or by py_trees alone.
+class RandomRun:
+    """A tree that is ticked as in a run, or by py_trees alone.
 
     Args:
         binding: The tree.
-        seed: What the answers depend on.
+        seed: The seed of the outcomes.
     """
 
     def __init__(self, binding: Any, seed: int) -> None:
         self._draw = random.Random(seed)  # noqa: S311 - the same in every run
-        self._simulated = simulated(binding)
+        self._simulated = compile_with_stubs(binding)
         self._simulated.policy = self
         self._live = LiveTree(self._simulated.root) if seed % 2 else None
 
@@ -126,7 +127,7 @@ class Flight:
             outcome = self._outcome()
         except Exception as error:  # noqa: BLE001 - compared with what the proof raises
             outcome = f"{type(error).__name__}: {error}"
-        return told(self._simulated.events), outcome
+        return without_ticked_events(self._simulated.events), outcome
 
     def _outcome(self) -> str:
         if self._live is not None:
@@ -137,23 +138,23 @@ class Flight:
 
 
 class Proof:
-    """The states that a proof may have come to beside a flight.
+    """The states that a proof may have reached beside a run.
 
     Args:
         binding: The tree.
-        forgets: Whether they forget how nodes have ended.
+        forgets: Whether the states forget how nodes have ended.
     """
 
     def __init__(self, binding: Any, *, forgets: bool) -> None:
-        prepared = PreparedTree.prepare(simulated(binding))
-        # Ticks that come to the same are played all the same: their events differ.
+        prepared = PreparedTree.prepare(compile_with_stubs(binding))
+        # Equivalent ticks are played separately, because their events differ.
         self._stepper = TreeStepper(prepared, without_properties().rules, forgets=forgets, meets=False)
         self._states: set[Any] = {self._stepper.steps.start()}
 
     def follow(self, seen) -> list[Any]:
-        """Go on with the ticks in which a flight's last one is found; return all ticks if there is none."""
+        """Follow the ticks that match the last tick of the run; return all ticks if none matches."""
         events, outcome = seen
-        # Of most ticks the outcome tells, which costs less than their events.
+        # The outcome excludes most ticks, at less cost than their events.
         found = {
             tick.state
             for tick in self._ticks()
@@ -169,19 +170,19 @@ class Proof:
 
     def _events(self) -> tuple[Any, ...]:
         """Return the events of the last tick."""
-        return told(self._stepper.tick_record().events)
+        return without_ticked_events(self._stepper.tick_record().events)
 
     def _outcome(self, tick) -> str:
         return WORDS[tick.outcome] if tick.error is None else f"{type(tick.error).__name__}: {tick.error}"
 
 
 def difference(body: str, binding: Any, seed: int) -> str:
-    """Return where a flight leaves its proof; empty if it does not."""
-    flight = Flight(binding, seed)
+    """Return the first difference between a run and its proof; empty if there is none."""
+    run = RandomRun(binding, seed)
     proofs = {forgets: Proof(binding, forgets=forgets) for forgets in (True, False)}
     for number, (forgets, proof) in itertools.product(range(TICKS), proofs.items()):
         if forgets:
-            seen = flight.tick()
+            seen = run.tick()
         possible = proof.follow(seen)
         if possible:
             return f"{body}, seed {seed}, tick {number}, forgets={forgets}: {seen}, where only {possible} is known"
@@ -190,14 +191,14 @@ def difference(body: str, binding: Any, seed: int) -> str:
     return ""
 
 
-@pytest.mark.parametrize("around", OF_TAG.values(), ids=str)
-def test_every_node_does_below_it_what_is_proved(around):
-    flown, place = 0, list(OF_TAG).index(around.spec.tag)
+@pytest.mark.parametrize("around", FORM_BY_TAG.values(), ids=str)
+def test_every_node_behaves_in_run_as_in_proof(around):
+    compared, place = 0, list(FORM_BY_TAG).index(around.spec.tag)
     for seed, answers in enumerate((_ACTS, (*_ACTS, "SKIPPED"))):
         for number, body in enumerate(trees(around, answers)):
-            # Every pair of nodes is flown with one of the two; with both where more is tried.
-            binding = bound(body) if TIMES > 1 or (number + seed + place) % 2 else None
+            # Every pair of nodes runs with one of the two sets of outcomes, and with both if more is tested.
+            binding = bind_or_none(body) if TIMES > 1 or (number + seed + place) % 2 else None
             if binding is not None:
-                assert difference(body, binding, flown + seed) == ""
-                flown += 1
-    assert flown > len(FORMS) // 4
+                assert difference(body, binding, compared + seed) == ""
+                compared += 1
+    assert compared > len(FORMS) // 4

@@ -1,4 +1,4 @@
-"""Properties of users, in YAML: what they say of small trees, and what is said of slips in them."""
+"""Tests of users' properties in YAML: verdicts about small trees, and findings about errors in them."""
 
 import pytest
 
@@ -23,7 +23,7 @@ TWO = "<Sequence><A/><B/></Sequence>"
 ANY = "<Fallback><A/><B/></Fallback>"
 
 
-def answer(body, prop, more=""):
+def verdict_on(body, prop, more=""):
     return verdict(verified(body, f"properties:\n  p: {prop}\n{more}"), "p")
 
 
@@ -47,72 +47,72 @@ def answer(body, prop, more=""):
         (TWO, "{at_end: root == 'SUCCESS' || root == 'FAILURE'}", PROVED),
     ],
 )
-def test_a_property_holds_in_every_run_or_a_run_is_told_in_which_it_does_not(body, prop, expected):
-    found = answer(body, prop)
+def test_property_is_proved_or_has_counterexample(body, prop, expected):
+    found = verdict_on(body, prop)
     assert (found.outcome, found.trace is None) == (expected, expected is PROVED)
 
 
-def test_the_run_that_is_told_has_as_few_ticks_as_can_be():
-    found = answer("<Sequence><A/><B/><C/></Sequence>", "{at_most_once: C starts}")
+def test_counterexample_has_fewest_ticks():
+    found = verdict_on("<Sequence><A/><B/><C/></Sequence>", "{at_most_once: C starts}")
     assert told(found.trace) == ["A:SUCCESS B:SUCCESS C:FAILURE", "A:SUCCESS B:SUCCESS C:RUNNING"]
 
 
-def test_a_condition_says_while_what_an_event_counts():
+def test_while_condition_restricts_event():
     facts = "facts: {ready: false}\noutcomes: {A: [{status: SUCCESS, then: ready = true}, FAILURE]}"
-    assert answer(TWO, '{never: B starts, while: "!ready"}', facts).outcome is PROVED
-    assert answer(ANY, '{never: B starts, while: "!ready"}', facts).outcome is BROKEN
+    assert verdict_on(TWO, '{never: B starts, while: "!ready"}', facts).outcome is PROVED
+    assert verdict_on(ANY, '{never: B starts, while: "!ready"}', facts).outcome is BROKEN
 
 
 @pytest.mark.parametrize("status", ["SUCCESS", "FAILURE", "RUNNING"])
-def test_a_leaf_that_does_not_say_how_it_can_end_may_be_assumed_to_end_in_any_way(status):
+def test_leaf_without_declared_outcomes_can_be_assumed_to_return_any_status(status):
     always = verified("<U/>", f"outcomes: {{U: [{status}]}}\nproperties: {{p: {{never: U {status}}}}}")
     assert outcome(always, "p") is BROKEN
 
 
-def test_a_condition_is_looked_at_before_the_answer_changes_anything():
+def test_condition_is_evaluated_before_effects_of_outcome():
     facts = "facts: {ready: false}\noutcomes: {A: [{status: SUCCESS, then: ready = true}]}"
     once = '<A oneshot="ON_COMPLETION"/>'
-    assert answer(once, "{never: A SUCCESS, while: ready}", facts).outcome is PROVED
+    assert verdict_on(once, "{never: A SUCCESS, while: ready}", facts).outcome is PROVED
 
 
-def test_an_event_under_a_condition_may_bound_its_own_property():
+def test_event_with_condition_can_limit_its_own_property():
     alternating = "{before: A starts, comes: B starts, since: A starts, while: n > 0}"
     tree = '<Sequence><Script code="n := 0" oneshot="ON_COMPLETION"/><A/>{}<Script code="n = 1"/></Sequence>'
     answers = "outcomes: {A: [SUCCESS], B: [SUCCESS]}"
-    assert answer(tree.format("<B/>"), alternating, answers).outcome is PROVED
-    assert answer(tree.format('<B _skipIf="n == 0"/>'), alternating, answers).outcome is BROKEN
+    assert verdict_on(tree.format("<B/>"), alternating, answers).outcome is PROVED
+    assert verdict_on(tree.format('<B _skipIf="n == 0"/>'), alternating, answers).outcome is BROKEN
 
 
-def test_a_condition_reads_keys_of_the_tree():
+def test_condition_can_read_keys_of_tree():
     tree = '<Sequence><Script code="n := 1"/><A/><Script code="n := 2"/><B/></Sequence>'
-    assert answer(tree, "{never: B starts, while: n == 1}").outcome is PROVED
-    assert answer(tree, "{never: B starts, while: n == 2}").outcome is BROKEN
+    assert verdict_on(tree, "{never: B starts, while: n == 1}").outcome is PROVED
+    assert verdict_on(tree, "{never: B starts, while: n == 2}").outcome is BROKEN
 
 
-def test_what_must_come_one_day_must_come_before_the_end():
-    found = answer(
+def test_eventual_event_must_occur_before_end():
+    found = verdict_on(
         '<Sequence oneshot="ON_COMPLETION"><A/><B/></Sequence>', "{after: A SUCCESS, eventually: B SUCCESS}"
     )
     assert told(found.trace) == ["A:SUCCESS B:FAILURE"]
 
 
-def test_what_must_come_one_day_and_is_put_off_for_ever_is_told_as_a_round():
+def test_eventual_event_delayed_forever_is_reported_as_loop():
     tree = "<KeepRunningUntilFailure><Sequence><P/><ForceSuccess><B/></ForceSuccess></Sequence></KeepRunningUntilFailure>"
-    found = answer(
+    found = verdict_on(
         tree, "{after: P SUCCESS, eventually: B SUCCESS}", "outcomes: {P: [SUCCESS], B: [SUCCESS, FAILURE]}"
     )
     assert (found.outcome, found.trace.loop) == (BROKEN, 1)
     assert told(found.trace)[-1] == "P:SUCCESS B:FAILURE"
 
 
-def test_whether_an_end_idles_is_asked_once_all_its_ticks_are_known():
-    assert answer('<A oneshot="ON_COMPLETION"/>', "{at_end: idle}").outcome is PROVED
-    assert answer("<A/>", "{at_end: idle}").outcome is BROKEN
-    assert answer("<A/>", "{at_end: '!idle'}").outcome is PROVED
-    assert answer('<A oneshot="ON_COMPLETION"/>', "{at_end: '!idle'}").outcome is BROKEN
+def test_idle_end_is_evaluated_after_all_ticks_are_known():
+    assert verdict_on('<A oneshot="ON_COMPLETION"/>', "{at_end: idle}").outcome is PROVED
+    assert verdict_on("<A/>", "{at_end: idle}").outcome is BROKEN
+    assert verdict_on("<A/>", "{at_end: '!idle'}").outcome is PROVED
+    assert verdict_on('<A oneshot="ON_COMPLETION"/>', "{at_end: '!idle'}").outcome is BROKEN
 
 
-def test_a_condition_reads_a_key_that_the_main_tree_only_passes_on():
+def test_condition_can_read_remapped_key_of_main_tree():
     main = '<BehaviorTree ID="Main"><SubTree ID="Inner" n="{shared}"/></BehaviorTree>'
     inner = '<BehaviorTree ID="Inner"><Script code="n := 1"/></BehaviorTree>'
     binding = bind_main(
@@ -122,13 +122,13 @@ def test_a_condition_reads_a_key_that_the_main_tree_only_passes_on():
     assert outcome(verify(simulated_tree(binding, file), file, TAGS, 100), "p") is PROVED
 
 
-def test_there_may_be_more_properties_than_a_word_has_bits():
+def test_more_than_64_properties_are_supported():
     lines = [f"  p{number}: {{after: A SUCCESS, eventually: B starts}}" for number in range(70)]
     found = verified(TWO, "\n".join(["properties:", *lines]))
     assert {outcome(found, f"p{number}") for number in range(70)} == {PROVED}
 
 
-def test_an_end_can_be_something_else_than_the_end_of_the_root():
+def test_end_can_be_defined_by_condition():
     two_done = (
         "facts: {done: 0}\noutcomes: {A: [{status: SUCCESS, when: done < 2, then: done += 1}, FAILURE]}"
     )
@@ -137,24 +137,24 @@ def test_an_end_can_be_something_else_than_the_end_of_the_root():
     assert outcome(verified("<A/>", f"{properties} root == 'FAILURE'"), "p") is BROKEN
 
 
-def test_an_idle_tree_is_one_that_every_tick_leaves_as_it_is():
+def test_idle_tree_is_unchanged_by_every_tick():
     tree = '<A oneshot="ON_COMPLETION"/>'
     assert verified(tree, "end: idle").is_proved
     assert not verified("<A/>", "end: idle").is_proved
 
 
-def test_a_leaf_is_named_by_its_name_its_tag_or_its_path():
+def test_leaf_is_matched_by_name_tag_or_path():
     tree = '<Sequence name="S"><A name="first"/><Sequence name="T"><A name="second"/></Sequence></Sequence>'
-    assert answer(tree, "{before: second starts, comes: first SUCCESS}").outcome is PROVED
-    assert answer(tree, "{never: A starts}").outcome is BROKEN
-    assert answer(tree, "{before: T/second starts, comes: S/first SUCCESS}").outcome is PROVED
+    assert verdict_on(tree, "{before: second starts, comes: first SUCCESS}").outcome is PROVED
+    assert verdict_on(tree, "{never: A starts}").outcome is BROKEN
+    assert verdict_on(tree, "{before: T/second starts, comes: S/first SUCCESS}").outcome is PROVED
 
 
-def test_an_event_of_a_leaf_that_the_tree_does_not_have_is_passed_over():
-    assert answer(TWO, "{before: B starts, comes: [AdvanceZone SUCCESS, A SUCCESS]}").outcome is PROVED
+def test_event_of_missing_leaf_is_ignored():
+    assert verdict_on(TWO, "{before: B starts, comes: [AdvanceZone SUCCESS, A SUCCESS]}").outcome is PROVED
 
 
-def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_out():
+def test_property_with_only_missing_leaves_is_omitted():
     verification = verified(TWO, "properties: {p: {never: NotifyBase starts}, q: {never: A halted}}")
     assert [(left.name, left.missing) for left in verification.left_out] == [("p", ("NotifyBase",))]
     assert outcome(verification, "q") is PROVED
@@ -214,7 +214,7 @@ def test_a_property_of_nothing_but_leaves_that_the_tree_does_not_have_is_left_ou
         ("", "1:1", "empty-file", "write a property, for example: properties:"),
     ],
 )
-def test_a_slip_is_a_finding_with_its_place_and_what_to_write(properties, place, code, advice):
+def test_error_in_properties_is_reported_with_location_and_advice(properties, place, code, advice):
     with pytest.raises(TreeError) as caught:
         verified(TWO, properties)
     text = str(caught.value)
@@ -222,13 +222,13 @@ def test_a_slip_is_a_finding_with_its_place_and_what_to_write(properties, place,
     assert advice in text
 
 
-def test_all_slips_of_a_file_are_found_at_once():
+def test_all_errors_of_file_are_reported():
     with pytest.raises(TreeError) as caught:
         verified(TWO, "end: x == 1\nproperties:\n  p: {never: E starts}\n  q: {never: A strats}")
     assert [finding.span.line for finding in caught.value.findings] == [1, 3, 4]
 
 
-def test_slips_that_only_the_tree_shows_are_found_with_those_that_anybody_sees():
+def test_errors_with_and_without_knowledge_of_tree_are_reported_together():
     text = "ende: 1\nfacts: {zone: 1}\nproperties:\n  p: {never: E starts}\n  q: {nevr: A starts}"
     with pytest.raises(TreeError) as caught:
         verified(TWO, text)
@@ -236,7 +236,7 @@ def test_slips_that_only_the_tree_shows_are_found_with_those_that_anybody_sees()
     assert codes == [("unknown-key", 1), ("unknown-fact", 2), ("unknown-leaf", 4), ("unknown-key", 5)]
 
 
-def test_a_tree_without_an_end_is_not_asked_whether_it_comes_to_one():
+def test_tree_without_end_is_not_asked_for_end():
     found = verified("<A/>", "properties: {p: {never: A starts}}\nend: none")
     assert [each.question for each in found.verdicts] == [
         "no tick raises an error",
@@ -245,7 +245,7 @@ def test_a_tree_without_an_end_is_not_asked_whether_it_comes_to_one():
     ]
 
 
-def test_nothing_can_hold_at_an_end_that_there_is_not():
+def test_at_end_property_conflicts_with_end_none():
     with pytest.raises(TreeError) as caught:
         verified("<A/>", "properties: {p: {at_end: idle}}\nend: none")
     (finding,) = caught.value.findings
@@ -255,6 +255,6 @@ def test_nothing_can_hold_at_an_end_that_there_is_not():
     )
 
 
-def test_a_condition_may_ask_for_a_key_whose_name_is_given_to_a_node():
+def test_condition_can_read_key_named_by_attribute():
     tree = '<Sequence><SetBlackboard value="low" output_key="battery"/><A/></Sequence>'
-    assert answer(tree, "{never: A starts, while: battery == 'high'}").outcome is PROVED
+    assert verdict_on(tree, "{never: A starts, while: battery == 'high'}").outcome is PROVED

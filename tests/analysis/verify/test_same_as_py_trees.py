@@ -1,4 +1,4 @@
-"""The runs that are verified are those of the running tree: py_trees' own ticking reaches the same states."""
+"""Tests that the verified runs are those of the running tree: py_trees reaches the same states."""
 
 import contextlib
 
@@ -19,14 +19,14 @@ from tests.chance import rounds
 
 pytestmark = pytest.mark.unmeasured
 
-# Every run of so many ticks is played on py_trees, if there are not too many.
+# Every run of this many ticks is played with py_trees, unless there are too many.
 TICKS = 3
 _MOST_RUNS = 1500
 _MOST_STATES = 400
 
 
 def looked_at(simulated):
-    """Return all that can be seen of a tree that py_trees ticks."""
+    """Return the observable state of a tree that py_trees ticks."""
     return (
         tuple(node.status for node in simulated.root.iterate()),
         values(simulated.compiled.board),
@@ -43,7 +43,7 @@ def values(board):
 
 
 class Explored:
-    """The states of a tree in flat form, and what can be seen of each."""
+    """The states of a tree in flat form, with the observable part of each."""
 
     def __init__(self, simulated, max_states, *, forgets=False):
         self.stepper = TreeStepper(
@@ -51,7 +51,7 @@ class Explored:
         )
         self.graph = explore(self.stepper.steps, max_states)
         self._simulated = simulated
-        # As `iterate` of py_trees goes through a tree: children before parents.
+        # The order of `iterate` of py_trees: children before parents.
         index = {id(node.behaviour): node.index for node in self.stepper.flat.nodes}
         self._order = [index[id(node)] for node in simulated.root.iterate()]
 
@@ -67,7 +67,7 @@ class Explored:
 
 
 def trees(seeds, written=random_tree):
-    """Return random trees, bound, but for those whose parts do not go together."""
+    """Return random trees, bound, except those with errors."""
     found = []
     for seed in seeds:
         with contextlib.suppress(TreeError):
@@ -75,8 +75,8 @@ def trees(seeds, written=random_tree):
     return found
 
 
-class Choosing:
-    """Answers by the combination that is played."""
+class CombinationPolicy:
+    """Chooses outcomes by the combination that is played."""
 
     def __init__(self, choices):
         self._choices = choices
@@ -86,12 +86,12 @@ class Choosing:
 
 
 def tick_sequences(binding):
-    """Yield the results of every run under py_trees; None once there are too many."""
+    """Yield the results of every run with py_trees, then None if there are too many."""
     choices = Choices()
     choices.begin()
     for _ in range(_MOST_RUNS):
         simulated = simulated_tree(binding)
-        simulated.policy = Choosing(choices)
+        simulated.policy = CombinationPolicy(choices)
         yield looked_at(simulated)
         for _ in range(TICKS):
             try:
@@ -105,7 +105,7 @@ def tick_sequences(binding):
 
 
 @pytest.mark.parametrize("binding", trees(range(rounds(15))))
-def test_every_state_that_py_trees_comes_to_is_found_and_no_other(binding):
+def test_states_match_py_trees(binding):
     seen = set(tick_sequences(binding))
     assert None not in seen, f"more than {_MOST_RUNS} runs: let the trees be smaller"
     explored = Explored(simulated_tree(binding), 50_000)
@@ -114,8 +114,8 @@ def test_every_state_that_py_trees_comes_to_is_found_and_no_other(binding):
     assert {explored.looked_at(number) for number in near} == seen
 
 
-class Repeating:
-    """Answers what a trace says, in its order."""
+class TracePolicy:
+    """Returns the outcomes of a trace, in order."""
 
     def __init__(self, trace):
         self._answers = [
@@ -129,13 +129,13 @@ class Repeating:
 
 
 @pytest.mark.parametrize("binding", trees(range(100, 100 + rounds(8))))
-def test_the_run_that_is_told_leads_py_trees_to_the_same_state(binding):
+def test_trace_leads_py_trees_to_same_state(binding):
     explored = Explored(simulated_tree(binding), _MOST_STATES)
     space = StateSpace(explored.stepper, explored.graph)
     for number in range(0, len(explored.graph.states), 7):
         trace = space.trace_to(number)
         simulated = simulated_tree(binding)
-        simulated.policy = Repeating(trace)
+        simulated.policy = TracePolicy(trace)
         for _ in trace.ticks:
             simulated.root.tick_once()
         assert looked_at(simulated) == explored.looked_at(number)

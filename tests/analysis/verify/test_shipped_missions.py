@@ -1,4 +1,4 @@
-"""The shipped missions, held against the shipped properties: what the first one breaks, and the resilient one keeps."""
+"""Tests of the shipped missions: the first one violates shipped properties, the resilient one none."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ NO_SURVIVOR = "'no survivor' is logged only if the search found nobody"
 REGISTRY = default_registry()
 
 
-def mission(name, zones):
+def verify_mission(name, zones):
     forest = load_forest(Path("trees", f"{name}.xml"), read_tree_file)
     simulated = compile_simulated(bind_main(forest, REGISTRY), {}, Assumptions({"zones_left": zones}))
     tags = {spec.tag for spec in REGISTRY if spec.kind.is_leaf}
@@ -30,30 +30,30 @@ def mission(name, zones):
 
 
 @pytest.fixture(scope="module")
-def first():
-    return mission("search_and_rescue", 3)
+def first_mission():
+    return verify_mission("search_and_rescue", 3)
 
 
 @pytest.fixture(scope="module")
-def resilient():
-    return mission("search_and_rescue_resilient", 2)
+def resilient_mission():
+    return verify_mission("search_and_rescue_resilient", 2)
 
 
-def test_a_report_that_is_refused_leaves_the_zone_and_the_survivor_behind(first):
-    found = verdict(first, REPORTED)
+def test_refused_report_abandons_zone_and_survivor(first_mission):
+    found = verdict(first_mission, REPORTED)
     assert found.outcome is BROKEN
     (tick,) = told(found.trace)
     assert tick.endswith("NotifyBase:refused LogNoDetection:logged AdvanceZone:advanced")
 
 
-def test_a_report_that_is_refused_ends_as_no_survivor(first):
-    found = verdict(first, NO_SURVIVOR)
+def test_refused_report_is_logged_as_no_survivor(first_mission):
+    found = verdict(first_mission, NO_SURVIVOR)
     assert found.outcome is BROKEN
     assert "NotifyBase:refused LogNoDetection:logged" in told(found.trace)[-1]
 
 
-def test_a_zone_out_of_reach_makes_the_robot_swing_between_zone_and_base_for_ever(first):
-    found = verdict(first, NO_LIVELOCK)
+def test_unreachable_zone_makes_robot_alternate_between_zone_and_base_forever(first_mission):
+    found = verdict(first_mission, NO_LIVELOCK)
     assert (found.outcome, found.trace.loop) == (BROKEN, 2)
     assert told(found.trace)[-2:] == [
         "NavigateToZone:aborted NavigateToBase:driving",
@@ -61,32 +61,32 @@ def test_a_zone_out_of_reach_makes_the_robot_swing_between_zone_and_base_for_eve
     ]
 
 
-def test_the_way_home_begins_while_a_zone_remains(first):
-    assert told(verdict(first, "home only when no zone remains").trace) == [
+def test_robot_starts_home_while_zone_remains(first_mission):
+    assert told(verdict(first_mission, "home only when no zone remains").trace) == [
         "ZonesRemaining?:some left NavigateToZone:aborted NavigateToBase:driving"
     ]
 
 
-def test_a_drive_home_too_early_is_the_only_one(first):
-    ticks = told(verdict(first, "home at the end").trace)
+def test_robot_drives_home_only_too_early(first_mission):
+    ticks = told(verdict(first_mission, "home at the end").trace)
     assert ticks[0].endswith("NavigateToZone:aborted NavigateToBase:arrived")
     assert ticks[-1].endswith("AdvanceZone:advanced")
 
 
-def test_what_the_first_mission_keeps_is_proved(first):
+def test_properties_kept_by_first_mission_are_proved(first_mission):
     kept = [NO_ERROR, EVERY_LEAF, AN_END, "no report without a detection", "one id per survivor"]
-    assert [question for question in kept if outcome(first, question) is not PROVED] == []
+    assert [question for question in kept if outcome(first_mission, question) is not PROVED] == []
 
 
-def test_the_resilient_mission_keeps_all_of_it_in_every_run(resilient):
-    assert [each.question for each in resilient.verdicts if each.outcome is not PROVED] == []
-    assert resilient.complete
-    assert resilient.left_out == ()
+def test_resilient_mission_keeps_all_properties(resilient_mission):
+    assert [each.question for each in resilient_mission.verdicts if each.outcome is not PROVED] == []
+    assert resilient_mission.complete
+    assert resilient_mission.left_out == ()
 
 
 @pytest.mark.parametrize("zones", [0, 1])
-def test_few_zones_change_nothing_for_the_resilient_mission(zones):
-    verdicts = mission("search_and_rescue_resilient", zones).verdicts
+def test_few_zones_change_nothing_for_resilient_mission(zones):
+    verdicts = verify_mission("search_and_rescue_resilient", zones).verdicts
     never_run = [each.question for each in verdicts if each.outcome is not PROVED]
-    # Without any zone there is nothing to search, and nothing to report.
+    # Without a zone, the search and report leaves cannot run.
     assert never_run == ([EVERY_LEAF] if zones == 0 else [])

@@ -1,4 +1,4 @@
-"""Values that no run can tell apart are one: every answer is that of the search that tells all of them apart."""
+"""Tests of merging equivalent values: every verdict is that of the search that distinguishes all values."""
 
 import pytest
 
@@ -23,12 +23,12 @@ _TREES = rounds(40)
 _MOST_STATES = 800
 
 
-def bound(trees):
+def bind_trees(trees):
     text = f'<root BTCPP_format="4" main_tree_to_execute="Main">{trees}</root>'
     return bind_main(forest_of(text), REGISTRY, palettes=[enums_file(ENUMS)])
 
 
-def judged(binding, properties, *, merges, most=_MOST_STATES):
+def verify_or_error(binding, properties, *, merges, most=_MOST_STATES):
     file = parse_property_file(properties, "props.yaml") if properties else None
     try:
         return verify(simulated_tree(binding, file), file, TAGS, most, merges=merges)
@@ -36,48 +36,50 @@ def judged(binding, properties, *, merges, most=_MOST_STATES):
         return str(error)
 
 
-def told(verdict):
-    """Return an answer with its run, and without that if it goes round for ever: it may be a shorter one."""
+def comparable_verdict(verdict):
+    """Return a verdict with its run, without the run if it has a loop, which may be shorter."""
     trace = None if verdict.trace is None or verdict.trace.loop else verdict.trace.ticks
     return verdict.question, verdict.outcome, verdict.reason, trace
 
 
-def test_random_trees_have_the_same_answers_and_runs_in_no_more_states():
+def test_random_trees_have_same_verdicts_and_runs_with_no_more_states():
     fewer, decided, tried = 0, 0, 0
     for seed in range(_TREES):
         chosen = RandomCounters(seed)
         trees = chosen.trees()
         try:
-            binding = bound(trees)
+            binding = bind_trees(trees)
             properties = chosen.properties(trees)
-            plain = judged(binding, properties, merges=False)
+            plain = verify_or_error(binding, properties, merges=False)
         except TreeError:
             continue
         tried += 1
-        found = judged(binding, properties, merges=True)
+        found = verify_or_error(binding, properties, merges=True)
         about = f"seed {seed}\n{trees}\n{properties}\n{found}"
         if isinstance(plain, str) or isinstance(found, str):
             assert found == plain, about
             continue
         if plain.complete:
             assert found.complete, about
-            assert [*map(told, found.verdicts)] == [*map(told, plain.verdicts)], about
+            assert [*map(comparable_verdict, found.verdicts)] == [*map(comparable_verdict, plain.verdicts)], (
+                about
+            )
             assert found.states <= plain.states, about
             fewer += found.states < plain.states
             continue
         decided += found.complete
         for one, other in zip(found.verdicts, plain.verdicts, strict=True):
             if one.question == AN_END:
-                continue  # that no end comes any more is only known in the end
+                continue  # the absence of a further end is known only in a complete search
             if other.outcome is BROKEN:
-                assert told(one) == told(other), about
+                assert comparable_verdict(one) == comparable_verdict(other), about
             elif one.trace and not one.trace.loop:
                 assert len(one.trace.ticks) > plain.depth, about
     assert tried > _TREES // 2
     assert fewer + decided > _TREES // 20
 
 
-def expected(binding, trees, properties, *, merges):
+def predict_or_error(binding, trees, properties, *, merges):
     file = file_of(trees, CHANCES, properties)
     try:
         return predict(simulated_tree(binding, file), file, TAGS, PERIOD_SEC, _MOST_STATES, merges=merges)
@@ -85,18 +87,18 @@ def expected(binding, trees, properties, *, merges):
         return str(error)
 
 
-def test_random_trees_are_predicted_to_do_the_same():
+def test_random_trees_have_same_predictions():
     merged = 0
     for seed in range(_TREES):
         chosen = RandomCounters(seed)
         trees = chosen.trees()
         try:
-            binding = bound(trees)
+            binding = bind_trees(trees)
             properties = chosen.properties(trees)
-            plain = expected(binding, trees, properties, merges=False)
+            plain = predict_or_error(binding, trees, properties, merges=False)
         except TreeError:
             continue
-        found = expected(binding, trees, properties, merges=True)
+        found = predict_or_error(binding, trees, properties, merges=True)
         about = f"seed {seed}\n{trees}\n{properties}\n{found}"
         if isinstance(plain, str) or isinstance(found, str):
             assert found == plain, about
@@ -114,8 +116,8 @@ def test_random_trees_are_predicted_to_do_the_same():
     assert merged
 
 
-def main(*nodes):
-    """Return a main tree that goes its rounds for ever."""
+def endless_main_tree(*nodes):
+    """Return a main tree that repeats forever."""
     inside = "".join(nodes)
     start = '<Script code="rounds := 0; down := 9"/>'
     return (
@@ -128,65 +130,68 @@ ROUND = '<Script code="rounds = rounds + 1"/>'
 LEAF = "<ForceSuccess><A/></ForceSuccess>"
 
 
-def decided(*nodes, properties=None):
-    """Verify a tree that has too many states to be searched with all values told apart."""
-    binding = bound(main(*nodes))
-    assert not judged(binding, properties, merges=False).complete
-    found = judged(binding, properties, merges=True)
+def verify_merged(*nodes, properties=None):
+    """Verify a tree that has too many states if all values are distinguished."""
+    binding = bind_trees(endless_main_tree(*nodes))
+    assert not verify_or_error(binding, properties, merges=False).complete
+    found = verify_or_error(binding, properties, merges=True)
     assert found.complete
     return found
 
 
-def test_a_patrol_that_counts_its_rounds_is_decided_and_the_note_says_why():
-    found = decided(ROUND, LEAF)
+def test_patrol_that_counts_rounds_is_decided_with_note():
+    found = verify_merged(ROUND, LEAF)
     assert outcome(found, NO_ERROR) is PROVED
     assert [*merging_notes(found.merged)] == [
         "Values of rounds are not distinguished, because no condition, control or property depends on these values."
     ]
 
 
-def test_a_run_without_an_end_shows_the_rounds_as_they_are_counted():
-    trace = verdict(decided(ROUND, LEAF), NO_LIVELOCK).trace
+def test_endless_run_shows_counted_rounds():
+    trace = verdict(verify_merged(ROUND, LEAF), NO_LIVELOCK).trace
     assert trace.loop
     counted = [tick.keys["rounds"] for tick in trace.ticks if "rounds" in tick.keys]
     assert [now for _, now in counted] == [*range(1, len(counted) + 1)]
 
 
-def test_rounds_that_are_only_compared_are_distinguished_as_far_as_they_are_compared():
-    found = decided(ROUND, '<A _skipIf="rounds &lt; 3"/>', LEAF)
+def test_compared_count_is_distinguished_up_to_compared_value():
+    found = verify_merged(ROUND, '<A _skipIf="rounds &lt; 3"/>', LEAF)
     assert outcome(found, EVERY_LEAF) is PROVED
     assert [*merging_notes(found.merged)] == [
         "rounds is only compared with constants, so values of 4 and more are not distinguished."
     ]
 
 
-def test_a_count_down_is_distinguished_as_far_down_as_it_is_compared():
-    found = decided('<Script code="down -= 1"/>', '<A _skipIf="down &gt; 7"/>')
+def test_countdown_is_distinguished_down_to_compared_value():
+    found = verify_merged('<Script code="down -= 1"/>', '<A _skipIf="down &gt; 7"/>')
     assert [*merging_notes(found.merged)] == [
         "down is only compared with constants, so values of 6 and less are not distinguished."
     ]
 
 
-def test_a_property_can_ask_for_the_rounds_and_its_run_shows_them():
+def test_property_can_read_count_and_its_run_shows_count():
     properties = "properties: {four: {never: A FAILURE, while: rounds > 4}, never: {never: A FAILURE, while: rounds < 0}}"
-    found = decided(ROUND, LEAF, properties=properties)
+    found = verify_merged(ROUND, LEAF, properties=properties)
     assert outcome(found, "never") is PROVED
     trace = verdict(found, "four").trace
     assert len(trace.ticks) == 5
     assert [tick.keys["rounds"][1] for tick in trace.ticks] == [1, 2, 3, 4, 5]
 
 
-def test_a_key_that_only_keys_without_use_are_made_of_is_without_use():
-    found = decided(ROUND, "<Script code=\"last := rounds; text := 'round ' .. last\"/>", LEAF)
+def test_key_used_only_for_unused_keys_is_merged():
+    found = verify_merged(ROUND, "<Script code=\"last := rounds; text := 'round ' .. last\"/>", LEAF)
     assert [each.name for each in found.merged] == ["rounds"]
 
 
-def test_keys_of_a_subtree_are_those_that_its_ports_say():
+def test_keys_of_subtree_follow_its_ports():
     inner = '<BehaviorTree ID="Inner"><Script code="k += 1; own := k"/></BehaviorTree>'
-    trees = main('<SubTree ID="Inner" k="{rounds}"/>', LEAF) + inner
-    assert judged(bound(trees), None, merges=True).complete
-    read = main('<SubTree ID="Inner" k="{rounds}"/>', '<Repeat num_cycles="{rounds}"><A/></Repeat>') + inner
-    assert not judged(bound(read), None, merges=True).complete
+    trees = endless_main_tree('<SubTree ID="Inner" k="{rounds}"/>', LEAF) + inner
+    assert verify_or_error(bind_trees(trees), None, merges=True).complete
+    read = (
+        endless_main_tree('<SubTree ID="Inner" k="{rounds}"/>', '<Repeat num_cycles="{rounds}"><A/></Repeat>')
+        + inner
+    )
+    assert not verify_or_error(bind_trees(read), None, merges=True).complete
 
 
 @pytest.mark.parametrize(
@@ -214,59 +219,67 @@ def test_keys_of_a_subtree_are_those_that_its_ports_say():
         "a number as a text",
     ],
 )
-def test_what_is_used_in_another_way_is_distinguished(nodes):
-    found = judged(bound(main(*nodes)), None, merges=True, most=300)
+def test_values_with_other_uses_are_distinguished(nodes):
+    found = verify_or_error(bind_trees(endless_main_tree(*nodes)), None, merges=True, most=300)
     assert isinstance(found, str) or not found.complete or outcome(found, NO_ERROR) is BROKEN
 
 
-def test_whole_numbers_are_no_numbers_with_a_fraction_where_they_are_given_to_a_key_of_whole_numbers():
+def test_integer_after_fraction_can_be_assigned_to_integer_key():
     # The first value of `n` has a fraction, and no value of `m` may have one.
-    trees = main('<Script code="n := 0.5; n = 0; n += 1; m := 1; m = n"/>', LEAF)
-    found = judged(bound(trees), None, merges=True)
+    trees = endless_main_tree('<Script code="n := 0.5; n = 0; n += 1; m := 1; m = n"/>', LEAF)
+    found = verify_or_error(bind_trees(trees), None, merges=True)
     assert found.complete
     assert outcome(found, NO_ERROR) is PROVED
 
 
-def test_a_key_keeps_its_type():
-    # Beside whole numbers that look like it, a real one may be followed by one with a fraction.
+def test_merged_key_keeps_its_type():
+    # Unlike an equal integer, a real number may be followed by one with a fraction.
     again = '<UnsetBlackboard key="down"/><Script code="down := 2.0; down += 1"/>'
     copied = '<UnsetBlackboard key="m"/><Script code="m := down; m = 0.5"/>'
-    found = judged(bound(main(again, copied, LEAF)), None, merges=True)
+    found = verify_or_error(bind_trees(endless_main_tree(again, copied, LEAF)), None, merges=True)
     assert found.complete
     assert outcome(found, NO_ERROR) is PROVED
 
 
-def test_the_type_that_a_key_has_at_the_start_counts():
+def test_initial_type_of_key_is_kept():
     file = "parameters: {half: 0}\nproperties: {p: {never: A FAILURE, while: rounds < 0}}"
-    found = judged(bound(main(ROUND, '<Script code="half = rounds / 2"/>', LEAF)), file, merges=True)
+    found = verify_or_error(
+        bind_trees(endless_main_tree(ROUND, '<Script code="half = rounds / 2"/>', LEAF)), file, merges=True
+    )
     assert outcome(found, NO_ERROR) is BROKEN
     assert len(verdict(found, NO_ERROR).trace.ticks) == 1
 
 
-def test_texts_that_nothing_reads_are_not_distinguished():
+def test_unread_strings_are_not_distinguished():
     modes = "<Fallback><Sequence><A/><Script code=\"mode := 'left'\"/></Sequence><Script code=\"mode := 'right'\"/></Fallback>"
-    binding = bound(main(modes))
-    found, plain = (judged(binding, None, merges=merges) for merges in (True, False))
+    binding = bind_trees(endless_main_tree(modes))
+    found, plain = (verify_or_error(binding, None, merges=merges) for merges in (True, False))
     assert [each.name for each in found.merged] == ["mode"]
     assert found.states < plain.states
-    assert [*map(told, found.verdicts)] == [*map(told, plain.verdicts)]
+    assert [*map(comparable_verdict, found.verdicts)] == [*map(comparable_verdict, plain.verdicts)]
 
 
-def test_what_raises_still_raises_after_as_many_ticks():
-    found = judged(
-        bound(main(ROUND, "<Script code=\"down := rounds &gt; 3 ? 'x' : 1\"/>", LEAF)), None, merges=True
+def test_error_is_raised_after_same_number_of_ticks():
+    found = verify_or_error(
+        bind_trees(endless_main_tree(ROUND, "<Script code=\"down := rounds &gt; 3 ? 'x' : 1\"/>", LEAF)),
+        None,
+        merges=True,
     )
     assert outcome(found, NO_ERROR) is BROKEN
     assert len(verdict(found, NO_ERROR).trace.ticks) == 4
 
 
-def test_nothing_is_merged_where_a_property_asks_whether_the_tree_idles():
-    found = judged(bound(main(ROUND, LEAF)), "end: idle\nproperties: {p: {never: A FAILURE}}", merges=True)
+def test_nothing_is_merged_if_end_depends_on_idleness():
+    found = verify_or_error(
+        bind_trees(endless_main_tree(ROUND, LEAF)),
+        "end: idle\nproperties: {p: {never: A FAILURE}}",
+        merges=True,
+    )
     assert not found.complete
     assert found.merged == ()
 
 
-def test_branches_that_stand_for_themselves_count_as_they_do_in_the_whole_tree():
+def test_merging_in_separate_branches_matches_whole_tree():
     branches = "".join(
         f'<Sequence><Script code="{key} := 0" oneshot="ON_COMPLETION"/><Script code="{key} += 1"/>'
         f'<RetryUntilSuccessful num_attempts="2"><{leaf}/></RetryUntilSuccessful></Sequence>'
@@ -274,12 +287,12 @@ def test_branches_that_stand_for_themselves_count_as_they_do_in_the_whole_tree()
     )
     parallel = f'<Parallel success_count="3" failure_count="1">{branches}</Parallel>'
     retried = f'<RetryUntilSuccessful num_attempts="-1">{parallel}</RetryUntilSuccessful>'
-    binding = bound(f'<BehaviorTree ID="Main">{retried}</BehaviorTree>')
+    binding = bind_trees(f'<BehaviorTree ID="Main">{retried}</BehaviorTree>')
     found = verify(simulated_tree(binding), None, TAGS, 20_000, plainly=3)
     whole = verify(simulated_tree(binding), None, TAGS, 20_000)
     assert (found.complete, found.branches, whole.branches) == (True, 3, 0)
     assert {each.name for each in found.merged} == {"i", "j", "k"}
-    assert [*map(told, found.verdicts)] == [*map(told, whole.verdicts)]
+    assert [*map(comparable_verdict, found.verdicts)] == [*map(comparable_verdict, whole.verdicts)]
     trace = verdict(found, NO_LIVELOCK).trace
     assert trace.loop
     counted = [tick.keys["i"] for tick in trace.ticks if "i" in tick.keys]

@@ -1,4 +1,4 @@
-"""Keys that leaves write with values that are not known: one assumption of all that is said of runs."""
+"""Tests of keys that leaves write with unknown values: all analyses treat them in the same way."""
 
 import json
 
@@ -18,7 +18,7 @@ MEASURES = '<M distance="{d}"/>'
 HINT = 'outcomes: {M: [{status: SUCCESS, then: "d := ..."}]}'
 
 
-def test_a_value_that_is_needed_and_not_known_leaves_open_what_depends_on_it():
+def test_needed_unknown_value_leaves_dependent_questions_undecided():
     found = verified(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>')
     assert {each.outcome for each in found.verdicts} == {UNDECIDED}
     raised = verdict(found, NO_ERROR)
@@ -29,13 +29,13 @@ def test_a_value_that_is_needed_and_not_known_leaves_open_what_depends_on_it():
     }
 
 
-def test_the_hint_decides():
+def test_suggested_outcome_makes_tree_decidable():
     properties = 'outcomes: {M: [{status: SUCCESS, then: "d := 2.5"}, FAILURE]}'
     found = verified(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>', properties)
     assert found.is_proved
 
 
-def test_a_key_that_is_only_handed_from_leaf_to_leaf_leaves_nothing_open():
+def test_value_passed_between_leaves_leaves_nothing_undecided():
     copied = '<SetBlackboard value="{d}" output_key="e"/>'
     assert verified(f"<Sequence>{MEASURES}{copied}<A/></Sequence>").is_proved
 
@@ -50,31 +50,31 @@ def test_a_key_that_is_only_handed_from_leaf_to_leaf_leaves_nothing_open():
         '<SetBlackboard value="{d}" output_key="e"/><ScriptCondition code="e == 2"/>',
     ],
 )
-def test_whatever_needs_the_value_leaves_it_open(reads):
+def test_any_use_of_unknown_value_is_undecided(reads):
     found = verified(f"<Sequence>{MEASURES}{reads}</Sequence>")
     assert outcome(found, NO_ERROR) is UNDECIDED
     assert HINT in verdict(found, NO_ERROR).reason
 
 
-def test_a_value_from_before_is_not_what_the_leaf_has_written():
+def test_leaf_overwrites_earlier_value_with_unknown_one():
     before = '<Script code="d := 5"/>'
     found = verified(f'<Sequence>{before}{MEASURES}<ScriptCondition code="d == 5"/></Sequence>')
     assert outcome(found, NO_ERROR) is UNDECIDED
 
 
-def test_a_value_that_is_written_afterwards_is_known():
+def test_value_written_later_is_known():
     after = '<Script code="d := 2"/><ScriptCondition code="d == 2"/>'
     assert verified(f"<Sequence><ForceSuccess>{MEASURES}</ForceSuccess>{after}</Sequence>").is_proved
 
 
-def test_a_key_that_is_read_before_its_leaf_has_run_is_an_error_all_the_same():
+def test_key_read_before_its_leaf_has_run_is_error():
     found = verified(f'<Sequence><ScriptCondition code="d == 5"/>{MEASURES}</Sequence>')
     assert outcome(found, NO_ERROR) is BROKEN
 
 
 @pytest.mark.parametrize("first", ["", "<A/>"])
-def test_an_error_that_depends_on_no_unknown_value_is_told_first(first):
-    # A tick earlier, the unknown value is needed.
+def test_error_without_unknown_value_takes_precedence(first):
+    # The unknown value is needed one tick earlier.
     unknown = f'<Sequence>{MEASURES}<ScriptCondition code="d == 5"/></Sequence>'
     error = f'<Sequence>{first}<Script code="a = b"/></Sequence>'
     found = verified(f"<Fallback><Sequence><P/>{unknown}</Sequence>{error}</Fallback>")
@@ -82,20 +82,20 @@ def test_an_error_that_depends_on_no_unknown_value_is_told_first(first):
     assert "outcomes: {M:" not in verdict(found, NO_ERROR).reason
 
 
-def test_a_run_for_ever_that_needs_no_unknown_value_is_shown_all_the_same():
+def test_endless_run_without_unknown_value_is_shown():
     endless = "<RetryUntilSuccessful num_attempts='-1'><A/></RetryUntilSuccessful>"
     found = verified(f'<Sequence>{endless}{MEASURES}<ScriptCondition code="d == 5"/></Sequence>')
     assert outcome(found, NO_LIVELOCK) is BROKEN
     assert outcome(found, AN_END) is UNDECIDED
 
 
-def test_an_end_that_only_an_unknown_value_may_lead_to_is_left_open():
+def test_end_that_depends_on_unknown_value_is_undecided():
     body = f'<KeepRunningUntilFailure><Sequence>{MEASURES}<ScriptCondition code="d == 5"/></Sequence></KeepRunningUntilFailure>'
     found = verified(body, "outcomes: {M: [{status: SUCCESS}]}")
     assert outcome(found, AN_END) is UNDECIDED
 
 
-def test_a_property_that_is_violated_without_the_value_is_violated():
+def test_property_violated_without_unknown_value_is_violated():
     body = f'<Sequence><A/>{MEASURES}<ScriptCondition code="d == 5"/><B/></Sequence>'
     found = verified(body, "properties: {no A: {never: A starts}, no B: {never: B starts}}")
     assert outcome(found, "no A") is BROKEN
@@ -111,7 +111,7 @@ CONDITIONED = {
 
 @pytest.mark.parametrize("first", [True, False])
 @pytest.mark.parametrize("kind", CONDITIONED)
-def test_only_a_property_whose_condition_needs_an_unknown_value_is_not_decided(kind, first):
+def test_only_property_with_unknown_value_in_condition_is_undecided(kind, first):
     known = {"kept": "{before: A starts, comes: M SUCCESS}", "violated": "{never: A FAILURE}"}
     texts = {**CONDITIONED[kind], **known} if first else {**known, **CONDITIONED[kind]}
     lines = "".join(f"\n  {name}: {text}" for name, text in texts.items())
@@ -122,19 +122,19 @@ def test_only_a_property_whose_condition_needs_an_unknown_value_is_not_decided(k
     for name in CONDITIONED[kind]:
         assert outcome(found, name) is UNDECIDED
         assert verdict(found, name).reason.endswith(HINT)
-    # Those over events come first, as where all are decided.
+    # Properties of events come first, as when all are decided.
     events = [name for name in texts if "at_end" not in texts[name]]
     ends = [name for name in texts if "at_end" in texts[name]]
     assert [each.question for each in found.verdicts[4:]] == [*events, *ends]
 
 
-def test_a_condition_that_fails_for_another_reason_ends_the_search_all_the_same():
+def test_property_condition_with_other_error_ends_search():
     body = f'<Sequence>{MEASURES}<Fallback><A/><Script code="e := 1"/></Fallback></Sequence>'
     with pytest.raises(UndecidableError, match=r"^open: "):
         verified(body, "properties: {open: {at_end: e == 1}, kept: {never: A FAILURE}}")
 
 
-def test_an_end_that_needs_an_unknown_value_leaves_open_only_what_depends_on_it():
+def test_end_with_unknown_value_leaves_only_dependent_properties_undecided():
     texts = {
         "violated": "{never: A FAILURE}",
         "kept": "{before: A starts, comes: M SUCCESS}",
@@ -153,20 +153,20 @@ def test_an_end_that_needs_an_unknown_value_leaves_open_only_what_depends_on_it(
     assert verdict(found, "open").reason.startswith("'d > 2' cannot be evaluated")
 
 
-def test_an_end_that_fails_for_another_reason_ends_the_search_all_the_same():
+def test_end_condition_with_other_error_ends_search():
     body = f'<Sequence>{MEASURES}<Fallback><A/><Script code="e := 1"/></Fallback></Sequence>'
     with pytest.raises(UndecidableError, match=r"^end: 'e == 1' cannot be evaluated"):
         verified(body, "{end: e == 1, properties: {kept: {never: A FAILURE}}}")
 
 
-def test_a_file_can_say_that_a_value_is_not_known():
+def test_file_can_declare_value_unknown():
     body = '<Sequence><A/><ScriptCondition code="n == 1"/></Sequence>'
     found = verified(body, 'outcomes: {A: [{status: SUCCESS, then: "n := unknown"}]}')
     assert outcome(found, NO_ERROR) is UNDECIDED
     assert "because 'A' only writes it on a robot" in verdict(found, NO_ERROR).reason
 
 
-def test_branches_that_write_unknown_values_are_still_searched_apart():
+def test_branches_that_write_unknown_values_are_searched_separately():
     branch = "<Sequence><A name='a{0}'/><M name='m{0}' distance='{{d{0}}}'/></Sequence>"
     found = Case(guarded(3, branch), "properties: {p: {never: a1 FAILURE}}").verified(10, 100_000)
     assert (found.branches, found.complete) == (3, True)
@@ -174,19 +174,19 @@ def test_branches_that_write_unknown_values_are_still_searched_apart():
 
 
 @pytest.fixture
-def command(capsys, tmp_path):
-    """Run a command on a tree that needs what M writes to d."""
+def run_command(capsys, tmp_path):
+    """Return a function that runs a command on a tree that needs the value that M writes to d."""
     tree, scenario = tmp_path / "tree.xml", tmp_path / "s.yaml"
     tree.write_text(
         document(f'<Sequence><A/>{MEASURES}<ScriptCondition code="d &gt; 1"/></Sequence>'), "utf-8"
     )
     scenario.write_text("name: s\nexpect: {root: SUCCESS}\n", encoding="utf-8")
 
-    def command(name, *options):
+    def run_command(name, *options):
         more = [scenario if each == "SCENARIO" else each for each in options]
         return run(capsys, name, tree, "--nodes", "tests.analysis.verify.leaves", *more)
 
-    return command
+    return run_command
 
 
 @pytest.mark.parametrize(
@@ -202,21 +202,21 @@ def command(capsys, tmp_path):
     ],
     ids=lambda words: words[0] if isinstance(words, list) else "",
 )
-def test_every_command_says_that_it_is_not_decided_and_what_decides_it(command, words, said):
-    status, out, err = command(*words)
+def test_every_command_reports_undecided_result_and_remedy(run_command, words, said):
+    status, out, err = run_command(*words)
     assert status == 1
     assert said in out + err
     assert HINT in out + err
 
 
-def test_as_json_an_undecided_scenario_neither_holds_nor_fails(command):
-    status, out, _ = command("simulate", "--format", "json", "--scenario", "SCENARIO")
+def test_undecided_scenario_neither_holds_nor_fails_in_json(run_command):
+    status, out, _ = run_command("simulate", "--format", "json", "--scenario", "SCENARIO")
     (scenario,) = json.loads(out)["scenarios"]
     assert (status, scenario["holds"]) == (1, None)
     assert HINT in scenario["failures"][0]["message"]
 
 
-def test_a_recorded_run_that_depends_on_the_value_is_not_decided():
+def test_recorded_run_that_depends_on_unknown_value_is_undecided():
     tree = simulated_tree(bound(f'<Sequence>{MEASURES}<ScriptCondition code="d &gt; 1"/><A/></Sequence>'))
     runs = TreeRuns(tree, ["Sequence", "M", "ScriptCondition", "A"])
     measured, acted = (
