@@ -1,4 +1,4 @@
-"""Intended differences from BehaviorTree.CPP, recognized by their symptoms.
+"""Intended differences from BehaviorTree.CPP, recognised by their symptoms.
 
 Differences that last beyond the tick in which they show are in `as_there`.
 """

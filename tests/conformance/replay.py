@@ -174,7 +174,7 @@ def replay(case: Case) -> Iterator[Difference]:
 
 
 def reason_for(case: Case, difference: Difference) -> str | None:
-    """Return why a difference is intended: it is recognized, or disappears with BehaviorTree.CPP's habits."""
+    """Return why a difference is intended: it is recognised, or disappears with BehaviorTree.CPP's habits."""
     reason = deviation(case, difference)
     if reason is not None or difference.tick < 0:
         return reason

@@ -166,7 +166,7 @@ def test_missing_argument_exits_with_status_2(capsys):
         ),
     ],
 )
-def test_btcpp_bugs_are_recognized_by_symptoms(case, reason):
+def test_btcpp_bugs_are_recognised_by_symptoms(case, reason):
     exception = {
         "<IfThenElse": "Something unexpected happened in IfThenElseNode",
         "<WhileDoElse": "not allowed to set manually the status to IDLE",
@@ -259,7 +259,7 @@ def test_zero_delay_explains_only_different_tick_of_its_child(ticks, explained):
 
 
 @pytest.mark.parametrize(("first", "explained"), [("std::string", True), ("MyType", False)])
-def test_type_conflict_through_main_tree_key_is_recognized(first, explained):
+def test_type_conflict_through_main_tree_key_is_recognised(first, explained):
     a, b = (
         '<Fallback><AlwaysSuccess/><ShowS id="s" value="{x}"/></Fallback>',
         '<LoopInt queue="1" value="{x}">',

@@ -43,7 +43,7 @@ def posix_paths(paths):
         ("a.yaml", "{root: {children: [{BehaviorTree: {}}]}}"),
     ],
 )
-def test_tree_file_is_recognized_by_suffix_and_root(name, text):
+def test_tree_file_is_recognised_by_suffix_and_root(name, text):
     write(name, text)
     assert is_tree_file(Path(name))
 
