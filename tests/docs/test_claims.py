@@ -110,7 +110,7 @@ TESTED_BY = {
             "test_a_scenario_compares_its_trace_with_no_file_outside_its_folder", "test_without_a_repository_it_reaches_its_own_folder",
         ),
         "A file expands": (
-            "test_entities_of_a_doctype_are_never_expanded", "test_trees_that_would_grow_beyond_measure_are_a_finding_before_they_are_made",
+            "test_entities_of_a_doctype_are_never_expanded", "test_exponentially_growing_trees_are_rejected_before_they_are_built",
         ),
         "A journal contains views": ("test_what_no_journal_has_is_refused_by_its_name",),
         "A journal is replaced while": (

@@ -1,4 +1,4 @@
-"""A module of leaves as a user would write it."""
+"""A module of leaves like a user would write it."""
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -23,7 +23,7 @@ class Radio:
 class Say(Behaviour):
     """Say something.
 
-    More about it, which is nobody's business here.
+    More details, which are no part of the description.
 
     Args:
         name: The node's name.
@@ -62,4 +62,4 @@ class Listen(Behaviour):
 
 
 class Unmarked(Say):
-    """A subclass of a leaf is not that leaf."""
+    """A subclass of a registered leaf, which is not registered itself."""

@@ -1,4 +1,4 @@
-"""Trees rewritten for BehaviorTree.CPP 4 and Groot2."""
+"""Tests of the conversion of trees for BehaviorTree.CPP 4 and Groot2."""
 
 import sys
 from datetime import timedelta
@@ -37,7 +37,7 @@ STATUSES = {"S": Status.SUCCESS, "F": Status.FAILURE, "R": Status.RUNNING}
 
 @register("Answer", kind=Kind.ACTION)
 class Answer(Behaviour):
-    """Answers what it is told, over and over."""
+    """Returns the given statuses, repeatedly."""
 
     def __init__(self, name: str, statuses: str) -> None:
         super().__init__(name)
@@ -52,7 +52,7 @@ class Answer(Behaviour):
 
 
 class Wait(Behaviour):
-    """Waits so often."""
+    """Has an integer attribute."""
 
     def __init__(self, name: str, amount: int) -> None:
         super().__init__(name)
@@ -64,7 +64,7 @@ class Wait(Behaviour):
 
 @register("Waits", kind=Kind.ACTION, outcomes={Status.SUCCESS})
 class Waits(Behaviour):
-    """Has durations of every kind."""
+    """Has a duration as a port and as an attribute."""
 
     def __init__(self, name: str, patience: Input[Seconds], limit: timedelta) -> None:
         super().__init__(name)
@@ -79,8 +79,8 @@ REGISTRY.add_module(sys.modules[__name__])
 BITS = Registry([*REGISTRY.specs(), NodeSpec("Wait", Wait, Kind.ACTION)])
 
 
-def converted(body, registry=REGISTRY):
-    """Return the lines of a tree that was rewritten, without what is around it, and the notes."""
+def convert_body(body, registry=REGISTRY):
+    """Convert a tree; return its lines without the elements around it, and the notes."""
     tree_file, notes = to_btcpp(parse_xml(document(body), "a.xml"), registry)
     lines = [line.strip() for line in write_xml(tree_file).splitlines()]
     inside = lines[lines.index('<BehaviorTree ID="Main">') + 1 : lines.index("</BehaviorTree>")]
@@ -139,8 +139,8 @@ LEAF = '<Answer statuses="S"/>'
         ('<Success _skipIf="a &lt; 1"/>', '<AlwaysSuccess _skipIf="a &lt; 1"/>'),
     ],
 )
-def test_a_node_becomes_the_one_that_does_the_same(before, after):
-    assert converted(before) == (after, [])
+def test_node_is_converted_to_equivalent_node(before, after):
+    assert convert_body(before) == (after, [])
 
 
 @pytest.mark.parametrize(
@@ -167,9 +167,9 @@ def test_a_node_becomes_the_one_that_does_the_same(before, after):
         ),
     ],
 )
-def test_what_is_a_little_different_is_told(before, after, words):
+def test_slightly_different_counterpart_is_reported(before, after, words):
     tag = before[1:].split()[0]
-    text, (note,) = converted(f"{before}{LEAF}</{tag}>")
+    text, (note,) = convert_body(f"{before}{LEAF}</{tag}>")
     assert text.startswith(f"{after}{LEAF}")
     assert (note.code, note.severity, note.span.line) == ("differs", Severity.INFO, 3)
     assert words in note.message
@@ -204,8 +204,8 @@ def test_what_is_a_little_different_is_told(before, after, words):
         ),
     ],
 )
-def test_what_has_no_counterpart_is_told_and_kept(body, part, hint):
-    text, (note,) = converted(body)
+def test_node_without_counterpart_is_kept_with_warning(body, part, hint):
+    text, (note,) = convert_body(body)
     assert text.startswith(part)
     assert (note.code, note.severity, note.span.line) == ("no-counterpart", Severity.WARNING, 3)
     assert hint in note.hint
@@ -229,7 +229,7 @@ FAR = """<TreeNodesModel><Action ID="Far"><input_port name="a" type="int"/><inpu
         ('<Wait amount="2147483648"/>', "amount: 2147483648 does not"),
     ],
 )
-def test_a_whole_number_that_needs_more_bits_than_there_are_in_cpp_is_told(body, told):
+def test_integer_too_large_for_cpp_type_is_reported(body, told):
     file = parse_xml(f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree>{FAR}</root>')
     found = [note for note in to_btcpp(file, BITS)[1] if "does not fit" in note.message]
     assert [(note.code, note.severity) for note in found] == [("no-counterpart", Severity.WARNING)] * bool(
@@ -238,7 +238,7 @@ def test_a_whole_number_that_needs_more_bits_than_there_are_in_cpp_is_told(body,
     assert told is None or found[0].message.startswith(told)
 
 
-def test_a_duration_with_a_unit_that_a_subtree_is_given_is_told():
+def test_duration_with_unit_passed_to_subtree_is_reported():
     text = """<root BTCPP_format="4" main_tree_to_execute="A"><BehaviorTree ID="A"><Sequence>
 <SubTree ID="B" pause="2min" note="2min"/>
 <SubTree ID="B" pause="2000" note="text"/></Sequence></BehaviorTree>
@@ -265,8 +265,8 @@ def test_a_duration_with_a_unit_that_a_subtree_is_given_is_told():
         ('<Answer statuses="S" oneshot="ON_COMPLETIO"/>', "ON_COMPLETION"),
     ],
 )
-def test_a_value_that_means_nothing_is_told_and_kept(body, suggestion):
-    text, notes = converted(body)
+def test_invalid_value_is_kept_with_error(body, suggestion):
+    text, notes = convert_body(body)
     assert text == body
     assert (notes[-1].code, notes[-1].severity) == ("wrong-value", Severity.ERROR)
     assert notes[-1].suggestion == suggestion
@@ -283,19 +283,19 @@ def test_a_value_that_means_nothing_is_told_and_kept(body, suggestion):
         "<Action/>",
     ],
 )
-def test_what_is_in_the_words_of_behaviortree_cpp_or_in_none_stays_as_it_is(body):
-    assert converted(body)[0] == body
+def test_node_in_behaviortree_cpp_form_or_without_required_attributes_is_kept(body):
+    assert convert_body(body)[0] == body
 
 
-def test_an_attribute_that_would_be_refused_is_left_out_and_told():
-    text, (note,) = converted('<Answer statuses="S" colour="red" _description="an answer"/>')
+def test_unknown_attribute_is_removed_and_reported():
+    text, (note,) = convert_body('<Answer statuses="S" colour="red" _description="an answer"/>')
     assert text == '<Answer statuses="S" _description="an answer"/>'
     assert (note.code, note.span.column) == ("left-out", 22)
 
 
-def test_a_reference_is_kept_and_told_once_for_each_kind_of_node():
+def test_reference_is_kept_and_explained_in_first_note():
     body = '<Sequence><Say message="a"/><Listen name="A" to="Say"/><Listen name="B" to="Say"/></Sequence>'
-    text, notes = converted(body)
+    text, notes = convert_body(body)
     assert text.count('to="Say"') == 2
     assert [(note.code, note.severity) for note in notes] == [
         ("reference", Severity.INFO),
@@ -304,25 +304,25 @@ def test_a_reference_is_kept_and_told_once_for_each_kind_of_node():
     assert ["<Say>" in note.message for note in notes] == [True, False]
 
 
-def test_a_reference_that_is_not_written_is_told_at_the_node():
-    (note,) = converted("<Listen/>")[1]
+def test_implicit_reference_is_reported_at_node():
+    (note,) = convert_body("<Listen/>")[1]
     assert (note.code, note.span.line, note.span.column) == ("reference", 3, 1)
 
 
-def test_the_name_of_a_node_that_behaviortree_cpp_refuses_is_told():
-    (note,) = converted("<my.Node/>")[1]
+def test_node_name_invalid_in_behaviortree_cpp_is_reported():
+    (note,) = convert_body("<my.Node/>")[1]
     assert (note.code, note.severity) == ("no-counterpart", Severity.WARNING)
     assert note.hint == "register the node under a name without '.'"
 
 
-def test_a_decorator_that_is_called_like_a_kind_of_node_is_written_in_the_explicit_form():
-    text, _ = converted(f'<Condition status="SUCCESS">{LEAF}</Condition>')
+def test_decorator_named_like_node_kind_is_written_in_explicit_form():
+    text, _ = convert_body(f'<Condition status="SUCCESS">{LEAF}</Condition>')
     assert text == f'<Decorator ID="Condition" status="SUCCESS">{LEAF}</Decorator>'
     assert errors(Forest.from_file(parse_xml(document(text))), REGISTRY) == []
 
 
-def test_a_node_in_the_explicit_form_is_compact_where_behaviortree_cpp_would_not_find_it():
-    text, (note,) = converted('<Sequence memory="false"><Action ID="Answer" statuses="S"/></Sequence>')
+def test_explicit_form_becomes_compact_inside_reactive_sequence():
+    text, (note,) = convert_body('<Sequence memory="false"><Action ID="Answer" statuses="S"/></Sequence>')
     assert text == f"<ReactiveSequence>{LEAF}</ReactiveSequence>"
     assert (note.code, note.severity) == ("differs", Severity.INFO)
 
@@ -339,14 +339,14 @@ def models_of(text, registry=REGISTRY):
     }
 
 
-def test_a_node_of_py_trees_is_the_same_again_when_the_file_is_read():
+def test_py_trees_node_survives_round_trip():
     body = "<Sequence><OneShot policy='ON_SUCCESSFUL_COMPLETION'><ZonesRemaining/></OneShot><Count><Success/></Count></Sequence>"
     text = write_xml(to_btcpp(parse_xml(document(body)), REGISTRY)[0])
     assert text.count('<Metadata library="py_trees"/>') == 2
     assert not any(node.spec.is_only_described for node in bind_main(forest_of(text), REGISTRY).all_nodes())
 
 
-def test_every_node_that_behaviortree_cpp_does_not_have_is_described():
+def test_model_describes_every_node_missing_in_behaviortree_cpp():
     body = '<Sequence><Answer statuses="S"/><Success oneshot="ON_SUCCESSFUL_COMPLETION"/></Sequence>'
     assert models_of(document(body)) == {
         "Answer": ("Action", ["statuses"]),
@@ -354,7 +354,7 @@ def test_every_node_that_behaviortree_cpp_does_not_have_is_described():
     }
 
 
-def test_a_node_that_nobody_knows_is_described_by_its_use():
+def test_unknown_node_is_described_by_its_use():
     body = '<Many><One x="1"><None_ y="2"/></One><None_ name="A" z="3"/></Many>'
     assert models_of(document(body)) == {
         "Many": ("Control", []),
@@ -363,7 +363,7 @@ def test_a_node_that_nobody_knows_is_described_by_its_use():
     }
 
 
-def test_what_the_file_describes_itself_stays_as_it_is():
+def test_models_of_file_are_kept():
     own = '<TreeNodesModel><Condition ID="Mine"><output_port name="p"/></Condition></TreeNodesModel></root>'
     body = '<Sequence><Mine q="1"/><Answer statuses="S"/></Sequence>'
     assert models_of(document(body).replace("</root>", own)) == {
@@ -372,7 +372,7 @@ def test_what_the_file_describes_itself_stays_as_it_is():
     }
 
 
-def test_what_a_palette_describes_is_taken_from_it():
+def test_model_is_copied_from_palette():
     palette = parse_xml(
         '<root><TreeNodesModel><Condition ID="Mine"><input_port name="p">Text.</input_port></Condition></TreeNodesModel></root>'
     )
@@ -380,7 +380,7 @@ def test_what_a_palette_describes_is_taken_from_it():
     assert '<input_port name="p">Text.</input_port>' in text
 
 
-def test_a_tree_without_an_id_gets_one_where_there_is_something_beside_it():
+def test_tree_without_id_gets_id_if_models_are_added():
     text = write_xml(to_btcpp(parse_xml(f"<root><BehaviorTree>{LEAF}</BehaviorTree></root>"), REGISTRY)[0])
     assert '<root BTCPP_format="4">' in text
     assert '<BehaviorTree ID="BehaviorTree_1">' in text
@@ -395,27 +395,29 @@ def test_a_tree_without_an_id_gets_one_where_there_is_something_beside_it():
         ("Mine", "the ID 'Mine', because a node has the same ID"),
     ],
 )
-def test_an_id_that_behaviortree_cpp_refuses_is_told(tree_id, words):
+def test_tree_id_invalid_in_behaviortree_cpp_is_reported(tree_id, words):
     tree_file = parse_xml(document("<Mine/>", main=tree_id))
     (note,) = to_btcpp(tree_file, REGISTRY)[1]
     assert note.severity is Severity.WARNING
     assert words in note.message
 
 
-def test_an_included_file_is_said_to_stay_as_it_is():
+def test_included_file_is_reported_as_not_converted():
     (note,) = to_btcpp(parse_xml('<root><include path="a.xml"/></root>'), REGISTRY)[1]
     assert (note.code, note.severity) == ("not-converted", Severity.INFO)
 
 
-def test_comments_stay_where_they_are():
-    text, _ = converted("<!-- a -->\n<Selector>\n<!-- b -->\n<Running/> <!-- c -->\n<!-- d -->\n</Selector>")
+def test_comments_keep_their_positions():
+    text, _ = convert_body(
+        "<!-- a -->\n<Selector>\n<!-- b -->\n<Running/> <!-- c -->\n<!-- d -->\n</Selector>"
+    )
     assert text == (
         "<!-- a --><Fallback><!-- b --><KeepRunningUntilFailure>  <!-- c -->"
         "<AlwaysSuccess/></KeepRunningUntilFailure><!-- d --></Fallback>"
     )
 
 
-def test_a_tree_in_yaml_gives_the_same():
+def test_yaml_tree_is_converted_like_xml_tree():
     tree = document('<Selector memory="false"><Answer statuses="S" oneshot="ON_COMPLETION"/></Selector>')
     in_yaml = parse_yaml(write_yaml(parse_xml(tree)))
     assert (
@@ -424,7 +426,7 @@ def test_a_tree_in_yaml_gives_the_same():
     )
 
 
-def test_text_that_would_be_lost_keeps_a_file_from_being_converted():
+def test_file_with_stray_text_is_not_converted():
     with pytest.raises(TreeError, match="stray-text"):
         convert_to_btcpp(forest_of(document("<Success/> oops")), REGISTRY)
 
@@ -432,8 +434,8 @@ def test_text_that_would_be_lost_keeps_a_file_from_being_converted():
 SHIPPED = "trees/search_and_rescue.xml"
 
 
-def plainly(node):
-    """Return an outline without what the conversion changes knowingly."""
+def comparable_outline(node):
+    """Return an outline without the differences that the conversion makes on purpose."""
     cls = (
         node["class"]
         .rsplit(".", maxsplit=1)[-1]
@@ -442,16 +444,16 @@ def plainly(node):
     )
     attributes = {k: v for k, v in node["attributes"].items() if k != "then_skip"}
     memory = node.get("memory")
-    return cls, node["name"], memory, attributes, [plainly(child) for child in node["children"]]
+    return cls, node["name"], memory, attributes, [comparable_outline(child) for child in node["children"]]
 
 
 def shipped_outline(tree_file):
     forest = Forest.from_file(tree_file)
     assert errors(forest, REGISTRY) == []
-    return plainly(outline(preview_tree(bind_main(forest, REGISTRY))))
+    return comparable_outline(outline(preview_tree(bind_main(forest, REGISTRY))))
 
 
-def test_the_mission_is_the_same_when_it_is_read_again():
+def test_shipped_mission_survives_round_trip():
     tree_file = read_tree_file(SHIPPED)
     result = convert_to_btcpp(Forest.from_file(tree_file), REGISTRY)
     assert {note.severity for note in result.losses} == {Severity.INFO}
@@ -460,7 +462,7 @@ def test_the_mission_is_the_same_when_it_is_read_again():
 
 
 @pytest.mark.parametrize("path", [SHIPPED, *sorted(map(str, Path("examples").rglob("*.xml")))])
-def test_every_shipped_tree_consists_of_what_behaviortree_cpp_has_or_is_told(path):
+def test_converted_shipped_trees_contain_only_built_in_or_described_nodes(path):
     root = to_btcpp(read_tree_file(path), REGISTRY)[0].root
     described = {
         model.attributes["ID"]
@@ -479,7 +481,7 @@ def test_every_shipped_tree_consists_of_what_behaviortree_cpp_has_or_is_told(pat
     assert not {"memory", "oneshot"} & {name for node in nodes for name in node.attributes}
 
 
-# What has a counterpart that does the very same in every tick.
+# Nodes whose counterpart does exactly the same in every tick.
 WRAPPERS = [
     "Inverter",
     "FailureIsSuccess",
@@ -508,14 +510,14 @@ BODIES = st.recursive(
 )
 
 
-def named(body):
-    """Give every stub leaf a name of its own."""
+def with_named_leaves(body):
+    """Give every stub leaf a unique name."""
     first, *rest = body.split("<Answer ")
     return first + "".join(f'<Answer name="a{number}" {part}' for number, part in enumerate(rest))
 
 
 def run(tree_file):
-    """Tick a tree some times and return what its leaves and its root answered."""
+    """Tick a tree several times, and return the statuses of its root and its leaves."""
     forest = Forest.from_file(tree_file)
     assert errors(forest, REGISTRY) == []
     tree = compile_tree(bind_main(forest, REGISTRY), {Clock: ManualClock()}, {})
@@ -528,13 +530,13 @@ def run(tree_file):
     return trace
 
 
-@given(BODIES.map(named))
-def test_a_tree_does_the_same_when_it_is_read_again(body):
+@given(BODIES.map(with_named_leaves))
+def test_converted_tree_behaves_like_original(body):
     tree_file = parse_xml(document(body))
     assert run(parse_xml(convert_to_btcpp(Forest.from_file(tree_file), REGISTRY).text)) == run(tree_file)
 
 
-def test_a_node_is_left_to_behaviortree_cpp_if_it_has_one_of_that_name_and_no_other():
+def test_built_in_nodes_are_those_of_behaviortree_cpp():
     assert {
         *(
             "AlwaysFailure",
@@ -586,19 +588,19 @@ def test_a_node_is_left_to_behaviortree_cpp_if_it_has_one_of_that_name_and_no_ot
     } == BUILT_IN
 
 
-def test_every_meaning_of_a_tag_says_whether_behaviortree_cpp_has_the_tag():
+def test_every_spec_states_whether_behaviortree_cpp_has_its_tag():
     specs = list(default_registry())
     assert [
         spec.tag for spec in specs if spec.semantics.counterpart.built_in is not (spec.tag in BUILT_IN)
     ] == []
 
 
-def test_a_node_that_is_called_as_a_kind_stays_in_explicit_form_where_that_is_not_found():
+def test_node_named_like_kind_stays_in_explicit_form_with_warning():
     model = '<TreeNodesModel><Action ID="Action"/></TreeNodesModel>'
     text = document('<ReactiveSequence><Action ID="Action"/></ReactiveSequence>').replace(
         "</root>", f"{model}</root>"
     )
-    converted, notes = to_btcpp(parse_xml(text), default_registry())
-    [node] = converted.trees[0].children[0].children
+    tree_file, notes = to_btcpp(parse_xml(text), default_registry())
+    [node] = tree_file.trees[0].children[0].children
     assert (node.tag, node.attributes) == ("Action", {"ID": "Action"})
     assert [(note.code, note.hint) for note in notes] == [("no-counterpart", "wrap it in a Sequence")]

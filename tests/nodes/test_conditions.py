@@ -1,4 +1,4 @@
-"""Pre- and post-conditions: scripts in attributes that every node may have."""
+"""Tests of pre- and post-conditions: scripts in attributes that every node may have."""
 
 import pytest
 
@@ -11,7 +11,7 @@ from tests.trees import errors, forest, forest_of
 REGISTRY = default_registry()
 
 
-def found(body):
+def locate_findings(body):
     return [(f.code, f.span.line, f.span.column, f.span.end_column) for f in errors(forest(body), REGISTRY)]
 
 
@@ -21,45 +21,45 @@ def found(body):
 )
 def test_every_node_may_have_every_condition(name, node):
     body = node.format(f'{name}="a := 1"')
-    assert found(body) == []
+    assert locate_findings(body) == []
     assert type(preview_tree(bind_main(forest(body), REGISTRY)).root) is Conditions
 
 
 @pytest.mark.parametrize("name", CONDITIONS)
-def test_a_mistake_in_a_script_is_found_at_its_place_in_the_value(name):
+def test_script_error_is_located_within_attribute_value(name):
     body = f'<Success {name}="ok; 1 == % 2"/>'
     column = body.index("%") + 1
-    assert found(body) == [("script-error", 3, column, column + 1)]
+    assert locate_findings(body) == [("script-error", 3, column, column + 1)]
 
 
-def test_the_place_is_right_behind_entities_and_line_breaks():
+def test_location_of_script_error_is_correct_after_entities_and_line_breaks():
     body = '<Success\n  _skipIf="a &amp;&amp; b &gt; 1 &amp;&amp;\n c.d"/>'
-    assert found(body) == [("script-error", 5, 2, 5)]
+    assert locate_findings(body) == [("script-error", 5, 2, 5)]
 
 
 @pytest.mark.parametrize("script", ["", "  "])
-def test_a_condition_must_not_be_empty(script):
-    assert [code for code, *_ in found(f'<Success _skipIf="{script}"/>')] == ["script-error"]
+def test_empty_condition_is_error(script):
+    assert [code for code, *_ in locate_findings(f'<Success _skipIf="{script}"/>')] == ["script-error"]
 
 
-def test_an_empty_script_node_is_none():
-    assert found('<Script code=""/>') == []
+def test_empty_script_node_is_accepted():
+    assert locate_findings('<Script code=""/>') == []
 
 
-def test_a_misspelt_condition_is_a_finding_with_the_right_one():
+def test_misspelt_condition_is_reported_with_suggestion():
     (finding,) = errors(forest('<Success _skipif="true"/>'), REGISTRY)
     assert (finding.code, finding.suggestion) == ("unknown-attribute", "_skipIf")
 
 
 @pytest.mark.parametrize("name", ["_description", "_uid", "_fullpath"])
-def test_the_notes_of_an_editor_mean_nothing(name):
-    assert found(f'<Success {name}="{{ any &lt; thing"/>') == []
+def test_attributes_of_editors_are_ignored(name):
+    assert locate_findings(f'<Success {name}="{{ any &lt; thing"/>') == []
     assert (
         type(preview_tree(bind_main(forest(f'<Success {name}="x"/>'), REGISTRY)).root).__name__ == "Success"
     )
 
 
-def test_the_root_of_a_file_has_no_conditions():
+def test_behavior_tree_element_has_no_conditions():
     (finding,) = errors(
         forest_of('<root><BehaviorTree ID="A" _skipIf="true"><Success/></BehaviorTree></root>'), REGISTRY
     )
@@ -74,7 +74,7 @@ def subtree(attributes):
     )
 
 
-def test_the_conditions_of_a_subtree_see_the_keys_around_it():
+def test_conditions_of_subtree_use_keys_of_outer_tree():
     tree = compile_tree(bind_main(subtree('_skipIf="!go"'), REGISTRY), {}, {})
     tree.root.tick_once()
     assert not tree.instance.scope.resolve("ran").exists
@@ -83,7 +83,7 @@ def test_the_conditions_of_a_subtree_see_the_keys_around_it():
     assert tree.instance.scope.resolve("ran").exists
 
 
-def test_a_condition_is_parsed_once_however_often_its_tree_is_used():
+def test_condition_error_in_reused_tree_is_reported_once():
     trees = forest_of(
         '<root main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence><SubTree ID="B"/><SubTree ID="B"/></Sequence>'
         '</BehaviorTree><BehaviorTree ID="B"><Success _skipIf="a ==="/></BehaviorTree></root>'

@@ -1,4 +1,4 @@
-"""Nodes whose classes are named by their import paths: what is declared of them is what the classes say."""
+"""Tests of nodes whose classes are named by import path: their declarations must match the classes."""
 
 import dataclasses
 import inspect
@@ -44,8 +44,8 @@ every_other_node = pytest.mark.parametrize("spec", OTHERS.values(), ids=OTHERS)
 every_declared_node = pytest.mark.parametrize("spec", DECLARED.values(), ids=DECLARED)
 
 
-def imported_by(*arguments, folder=Path()):
-    """Run `sar-compile` in a process of its own; return its output, and the modules that it imported."""
+def output_and_imports_of(*arguments, folder=Path()):
+    """Run `sar-compile` in a process of its own, and return its output and the modules that it imported."""
     program = (
         "import sys; from sar_compiler.cli.compile import main; status = main(sys.argv[1:]); "
         "print(*sorted(sys.modules), file=sys.stderr); sys.exit(status)"
@@ -56,12 +56,12 @@ def imported_by(*arguments, folder=Path()):
 
 
 def is_stock(spec):
-    """Return whether a node is made by py_trees' constructor, of values that are made of what is written."""
+    """Return whether a node is created by py_trees' constructor, from values converted from its attributes."""
     return spec.signature.factory.endswith(":stock")
 
 
-def taken_by(spec):
-    """Return what makes a node takes, by its parameters' names, with their annotations."""
+def constructor_parameters(spec):
+    """Return the parameters of the function or class that creates a node, and their annotations, by name."""
     maker = spec.cls if is_stock(spec) else load(spec.factory_path)
     hints = typing.get_type_hints(maker.__init__ if isinstance(maker, type) else maker)  # type: ignore[misc]
     plain = [
@@ -75,8 +75,8 @@ def taken_by(spec):
 
 
 @every_other_node
-def test_a_declared_node_takes_what_its_constructor_takes(spec):
-    taken, hints = taken_by(spec)
+def test_declared_parameters_match_constructor(spec):
+    taken, hints = constructor_parameters(spec)
     declared = {
         parameter.keyword or name: parameter
         for name, parameter in spec.parameters.items()
@@ -97,7 +97,7 @@ def test_a_declared_node_takes_what_its_constructor_takes(spec):
 
 
 def sample_of(parameter, stage):
-    """Return what a parameter of a node of the kernel may be given."""
+    """Return a valid argument for a parameter of a kernel node."""
     if parameter.role is ParameterRole.CONTEXT:
         return {Scope: stage.scope, Enums: stage.enums, Clock: ManualClock()}[parameter.target]
     if parameter.direction is Direction.OUTPUT:
@@ -109,7 +109,7 @@ def sample_of(parameter, stage):
 
 
 @pytest.mark.parametrize("spec", OF_KERNEL.values(), ids=OF_KERNEL)
-def test_a_node_of_the_kernel_reads_what_is_declared_of_it_and_nothing_else(spec):
+def test_kernel_node_reads_every_declared_parameter(spec):
     read = set()
     for outcomes in ("S", "F", "R", "R,S", "S,R"):
         stage = Stage(place=0)
@@ -133,14 +133,14 @@ def test_a_node_of_the_kernel_reads_what_is_declared_of_it_and_nothing_else(spec
 
 
 @every_other_node
-def test_what_need_not_be_written_has_the_default_of_the_constructor(spec):
-    taken, _ = taken_by(spec)
+def test_optional_attribute_has_default_of_constructor(spec):
+    taken, _ = constructor_parameters(spec)
     for parameter in spec.attributes:
         default = taken[parameter.keyword or parameter.name].default
         if isinstance(default, Input):
-            # Of a port that is not written the class knows the value; its record may know it as well.
+            # The class has the default of a port that is not given. The spec may repeat it.
             default = default.get() if parameter.default is not None else None
-        # A tag may ask for what its class does not.
+        # A tag may require an attribute that is optional for its class.
         if (
             default not in (inspect.Parameter.empty, None)
             and not parameter.required
@@ -151,7 +151,7 @@ def test_what_need_not_be_written_has_the_default_of_the_constructor(spec):
             assert default is not inspect.Parameter.empty
 
 
-def test_the_leaves_of_the_mission_are_declared_as_their_classes_say():
+def test_leaf_specs_file_matches_registered_leaves():
     text = specs_as_json(registered_leaves(MISSION))
     assert Path(MISSION, "leaf_specs.json").read_text(encoding="utf-8") == text, "renew it: make schemas"
 
@@ -170,7 +170,7 @@ class Speed(Enum):
     writes=["b"],
 )
 class Whole(Behaviour):
-    """Do all that can be declared.
+    """Have everything that can be declared.
 
     Args:
         topic: A topic.
@@ -201,7 +201,7 @@ class Whole(Behaviour):
     ) -> None: ...
 
 
-def test_a_leaf_that_is_read_as_data_is_the_leaf_that_was_registered(tmp_path):
+def test_leaf_spec_survives_round_trip_through_json(tmp_path):
     registry = Registry()
     registry.add_class(Whole)
     path = tmp_path / "leaf_specs.json"
@@ -228,7 +228,7 @@ def test_a_leaf_that_is_read_as_data_is_the_leaf_that_was_registered(tmp_path):
         assert converted[0] == converted[1]
 
 
-def test_what_is_no_data_cannot_be_declared():
+def test_parameter_type_without_json_form_is_rejected():
     @register("Fast", kind=Kind.ACTION)
     class Fast(Behaviour):
         def __init__(self, name: str, speed: Speed = Speed.SLOW) -> None: ...
@@ -240,18 +240,18 @@ def test_what_is_no_data_cannot_be_declared():
 
 
 @every_declared_node
-def test_a_class_that_stands_in_where_a_child_may_be_skipped_can_be_imported(spec):
+def test_replacement_class_for_skippable_children_can_be_imported(spec):
     if spec.skipping.replacement:
         assert isinstance(spec.skipping.replacement.cls, type)
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_what_stands_in_for_a_node_of_nav2_can_be_imported(version):
+def test_stand_in_class_of_nav2_node_can_be_imported(version):
     for spec in specs(version):
         assert not spec.stand_in or isinstance(spec.stand_in.cls, type)
 
 
-def test_no_declared_class_that_a_leaf_refers_to_has_another_declared_one_derived_from_it():
+def test_no_declared_class_is_derived_from_referenced_class():
     declared = [*DECLARED.values(), *LEAVES]
     referred = {parameter.target for spec in declared for parameter in spec.references}
     derived = [
@@ -265,8 +265,8 @@ def test_no_declared_class_that_a_leaf_refers_to_has_another_declared_one_derive
 
 
 @pytest.mark.parametrize("of", ["search_and_rescue", "search_and_rescue_resilient"])
-def test_a_tree_of_shipped_nodes_is_checked_without_an_import_of_them(of):
-    output, modules = imported_by("validate", of)
+def test_validate_does_not_import_shipped_nodes(of):
+    output, modules = output_and_imports_of("validate", of)
     assert "no findings" in output
     leaves = {spec.class_path.partition(":")[0] for spec in LEAVES}
     heavy = ("py_trees", "sar_compiler.ros", "sar_compiler.compiler", "importlib.metadata", "jsonschema")
@@ -274,19 +274,19 @@ def test_a_tree_of_shipped_nodes_is_checked_without_an_import_of_them(of):
     assert sum(name.startswith("sar_compiler") for name in modules) < 112
 
 
-def test_no_node_of_the_language_is_imported_to_be_checked(tmp_path):
+def test_validate_does_not_import_py_trees_for_language_nodes(tmp_path):
     tree = tmp_path / "tree.xml"
     tags = sorted({spec.tag for spec in SPECS} - {"SubTree"})
     inside = "".join(f"<{tag}/>" for tag in tags)
     tree.write_text(
         f'<root BTCPP_format="4"><BehaviorTree ID="A"><Sequence>{inside}</Sequence></BehaviorTree></root>'
     )
-    output, modules = imported_by("validate", str(tree), folder=tmp_path)
+    output, modules = output_and_imports_of("validate", str(tree), folder=tmp_path)
     assert "missing-attribute" in output
     assert "py_trees" not in modules
 
 
-def test_a_leaf_that_has_changed_is_checked_as_it_is_now(tmp_path):
+def test_changed_leaf_module_is_read_again(tmp_path):
     leaf = tmp_path / "mine.py"
     source = (
         "from py_trees.behaviour import Behaviour\nfrom sar_compiler.leaves import Kind, register\n"
@@ -299,17 +299,18 @@ def test_a_leaf_that_has_changed_is_checked_as_it_is_now(tmp_path):
     for name in ("here", "there", "here"):
         leaf.write_text(source.format(name))
         found.append(
-            "unknown-attribute" in imported_by("validate", str(tree), "--nodes", "mine", folder=tmp_path)[0]
+            "unknown-attribute"
+            in output_and_imports_of("validate", str(tree), "--nodes", "mine", folder=tmp_path)[0]
         )
     assert found == [True, False, True]
 
 
-def test_leaves_that_are_installed_may_be_named_as_well():
+def test_installed_module_of_leaves_may_also_be_named():
     registry = load_registry([MISSION])
     assert len(registry.variants("NavigateToZone")) == 1
 
 
-def test_no_other_class_takes_the_tag_of_a_declared_one():
+def test_tag_of_declared_class_cannot_be_registered_again():
     class Other:
         def __init__(self, name: str) -> None: ...
 
@@ -320,7 +321,7 @@ def test_no_other_class_takes_the_tag_of_a_declared_one():
         registry.add(NodeSpec("NavigateToZone", Other, Kind.ACTION))
 
 
-def test_a_declared_parameter_has_the_type_of_such_an_annotation_and_the_name_without_an_underscore():
+def test_declared_parameter_has_annotated_type_and_name_without_underscore():
     signed = signature(
         Kind.DECORATOR, "Waits.", attribute("if_", int, "A."), input_port("rate", float, "B.", 2.5)
     )
@@ -335,5 +336,5 @@ def test_a_declared_parameter_has_the_type_of_such_an_annotation_and_the_name_wi
         Direction.INPUT,
     )
     assert (first.value_type and first.value_type.name) == "integer"
-    # A port takes what BehaviorTree.CPP's does, infinity as well.
+    # A port accepts the same values as in BehaviorTree.CPP, including infinity.
     assert (second.value_type and second.value_type.name) == "real"

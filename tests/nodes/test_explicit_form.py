@@ -1,4 +1,4 @@
-"""`<Action ID="Say">`: the form that names the kind of a node as well."""
+"""Tests of the explicit form, `<Action ID="Say">`, which also contains the kind of a node."""
 
 import pytest
 
@@ -11,7 +11,7 @@ from tests.trees import errors, forest
 REGISTRY = default_registry()
 
 
-def found(body):
+def locate_findings(body):
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in errors(forest(body), REGISTRY)]
 
 
@@ -26,8 +26,8 @@ def found(body):
         '<Decorator ID="Timeout" duration="3" oneshot="ON_COMPLETION"><Success/></Decorator>',
     ],
 )
-def test_a_node_may_be_written_with_its_kind(body):
-    assert found(body) == []
+def test_node_may_be_written_in_explicit_form(body):
+    assert locate_findings(body) == []
 
 
 @pytest.mark.parametrize(
@@ -39,21 +39,21 @@ def test_a_node_may_be_written_with_its_kind(body):
         ("Condition", "Success", (0,)),
     ],
 )
-def test_a_wrong_kind_is_an_error_where_behaviortree_cpp_wants_other_children(kind, tag, read):
+def test_wrong_kind_is_only_warning_if_it_allows_number_of_children(kind, tag, read):
     for children in range(4):
         findings = check(forest(f'<{kind} ID="{tag}">{"<Success/>" * children}</{kind}>'), REGISTRY)
         (finding,) = [each for each in findings if each.code == "wrong-kind"]
         assert (finding.severity is Severity.WARNING) == (children in read)
 
 
-def test_both_forms_compile_to_the_same():
+def test_compact_and_explicit_form_compile_to_same_tree():
     compact = preview_tree(bind_main(forest('<Sequence memory="false"><Success/></Sequence>'), REGISTRY)).root
     body = '<Control ID="Sequence" memory="false"><Action ID="Success"/></Control>'
     explicit = preview_tree(bind_main(forest(body), REGISTRY)).root
     assert [(type(a), a.name) for a in compact.iterate()] == [(type(b), b.name) for b in explicit.iterate()]
 
 
-MISTAKES = {
+ERRORS = {
     "a wrong kind": ('<Decorator ID="AdvanceZone"/>', "wrong-kind", 1, "Action"),
     "no ID": ("<Action/>", "missing-attribute", 1, None),
     "an empty ID": ('<Action ID=""/>', "missing-attribute", 13, None),
@@ -68,10 +68,10 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_in_the_explicit_form_is_found_where_it_stands(name):
-    body, code, column, suggestion = MISTAKES[name]
-    assert found(body) == [(code, 3, column, suggestion)]
+@pytest.mark.parametrize("name", ERRORS)
+def test_error_in_explicit_form_is_located(name):
+    body, code, column, suggestion = ERRORS[name]
+    assert locate_findings(body) == [(code, 3, column, suggestion)]
 
 
 @pytest.mark.parametrize(
@@ -84,8 +84,8 @@ def test_a_mistake_in_the_explicit_form_is_found_where_it_stands(name):
         'ID="CompareBlackboardVariables" var1_key="@a" var2_key="@b" operator="eq"',
     ],
 )
-def test_a_leaf_that_only_asks_the_blackboard_is_a_condition(attributes):
-    assert found(f"<Condition {attributes}/>") == []
+def test_leaf_that_only_reads_blackboard_is_condition(attributes):
+    assert locate_findings(f"<Condition {attributes}/>") == []
     findings = check(forest(f"<Action {attributes}/>"), REGISTRY)
     assert [(f.span.line, f.span.column, f.suggestion) for f in findings if f.code == "wrong-kind"] == [
         (3, 1, "Condition")

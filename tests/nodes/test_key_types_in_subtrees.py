@@ -1,4 +1,4 @@
-"""The type of a key that subtrees share: as if every subtree stood in its place."""
+"""Tests of the types of keys that subtrees share: they must be the same as with all subtrees inlined."""
 
 import pytest
 from hypothesis import given, settings
@@ -43,7 +43,7 @@ REMAPPED = st.dictionaries(st.sampled_from(["a", "b"]), KEYS | ROOT_KEY, max_siz
 
 
 def subtree(number):
-    """Return a strategy for uses of the trees after one, so that no tree contains itself."""
+    """Return a strategy for uses of later trees, so that no tree contains itself."""
     return st.tuples(st.just("use"), st.integers(number + 1, 2), REMAPPED, st.booleans())
 
 
@@ -65,8 +65,8 @@ def element(item):
     return f'<SubTree ID="T{number}" _autoremap="{str(autoremap).lower()}"{ports}/>'
 
 
-def written(trees):
-    """Write trees as a file, each node in a line of its own."""
+def write_trees(trees):
+    """Return the text of a file with the trees, one node a line, and the line of each node."""
     lines = ['<root BTCPP_format="4" main_tree_to_execute="T0">']
     places = {}
     for number, items in enumerate(trees):
@@ -78,8 +78,8 @@ def written(trees):
     return "\n".join([*lines, "</root>"]), places
 
 
-def flat(trees):
-    """Return the nodes of the main tree with its subtrees in place, each with where it comes from."""
+def inline_subtrees(trees):
+    """Return the nodes of the main tree with its subtrees inlined, each with its tree and index."""
     nodes, count = [], 0
 
     def walk(number, meaning):
@@ -119,17 +119,17 @@ def values_after_a_tick(text):
     return sorted(repr(tree.board.get(name)) for name in tree.board.names())
 
 
-def in_main(items):
-    text, places = written([items])
+def as_main_tree(items):
+    text, places = write_trees([items])
     return text, {line: index for (_, index), line in places.items()}
 
 
 @settings(max_examples=rounds(75))
 @given(TREES)
-def test_a_key_has_the_type_that_it_has_with_all_subtrees_in_place(trees):
-    text, places = written(trees)
-    nodes = flat(trees)
-    flattened, index_of = in_main([item for item, _ in nodes])
+def test_key_types_are_those_of_tree_with_inlined_subtrees(trees):
+    text, places = write_trees(trees)
+    nodes = inline_subtrees(trees)
+    flattened, index_of = as_main_tree([item for item, _ in nodes])
     expected = {places[nodes[index_of[line]][1]] for line in lines_of(flattened)}
     assert lines_of(text) == expected
     if not expected:
@@ -139,8 +139,8 @@ def test_a_key_has_the_type_that_it_has_with_all_subtrees_in_place(trees):
 @pytest.mark.parametrize(
     ("first", "second"), [("_autoremap='true'", "_autoremap='true'"), ("c='{=}'", "_autoremap='true'")]
 )
-def test_the_types_of_a_key_that_two_subtrees_share_are_compared_in_the_order_of_their_places(first, second):
-    def told(*inner):
+def test_types_of_key_shared_by_two_subtrees_are_compared_in_tree_order(first, second):
+    def codes_and_lines(*inner):
         text = (
             f'<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence><SubTree ID="A" {first}/>'
             f'<Read text="{{c}}"/><SubTree ID="B" {second}/></Sequence></BehaviorTree>\n'
@@ -153,5 +153,5 @@ def test_the_types_of_a_key_that_two_subtrees_share_are_compared_in_the_order_of
         return [(finding.code, finding.span.line) for finding in errors(forest_of(text), REGISTRY)]
 
     flag, thing = '<Read flag="{c}"/>', '<Read thing="{c}"/>'
-    assert told(flag, thing) == [("key-of-two-types", 1)]
-    assert told(thing, flag) == []
+    assert codes_and_lines(flag, thing) == [("key-of-two-types", 1)]
+    assert codes_and_lines(thing, flag) == []

@@ -1,4 +1,4 @@
-"""`TreeNodesModel`: nodes that are only described, and what subtrees need."""
+"""Tests of `TreeNodesModel`: described nodes, and the ports of subtrees."""
 
 import re
 
@@ -17,20 +17,20 @@ REGISTRY = default_registry()
 
 
 def palette(*models, trees=""):
-    """Return a file with a model; the model's lines begin in line 2."""
+    """Return a file with models. The first model is in line 2."""
     return f'<root BTCPP_format="4"><TreeNodesModel>\n{chr(10).join(models)}\n</TreeNodesModel>{trees}</root>'
 
 
 TREE = '<BehaviorTree ID="A"><Success/></BehaviorTree>'
 
 
-def found(text, *palettes):
+def locate_errors(text, *palettes):
     findings = errors(forest_of(text), REGISTRY, [parse_xml(each, "palette.xml") for each in palettes])
     return [(f.code, f.source.path, f.span.line, f.suggestion) for f in findings]
 
 
-def slips(text, *palettes):
-    """Return what is said of the models themselves, in warnings."""
+def model_warnings(text, *palettes):
+    """Return the warnings about the models themselves."""
     findings = check(forest_of(text), REGISTRY, [parse_xml(each, "palette.xml") for each in palettes])
     assert {finding.severity for finding in findings} <= {Severity.WARNING}
     return [(f.code, f.source.path, f.span.line, f.suggestion) for f in findings]
@@ -39,12 +39,15 @@ def slips(text, *palettes):
 FLY = '<Action ID="Fly"><input_port name="height" type="double" default="1.0">Metres</input_port></Action>'
 
 
-def test_a_node_that_the_file_describes_may_be_used():
-    assert found(palette(FLY, trees='<BehaviorTree ID="A"><Fly height="2.5"/></BehaviorTree>')) == []
+def test_node_described_in_file_may_be_used():
+    assert locate_errors(palette(FLY, trees='<BehaviorTree ID="A"><Fly height="2.5"/></BehaviorTree>')) == []
 
 
-def test_a_node_that_a_palette_describes_may_be_used():
-    assert found(document('<Sequence><Fly/><Action ID="Fly" height="{h}"/></Sequence>'), palette(FLY)) == []
+def test_node_described_in_palette_may_be_used():
+    assert (
+        locate_errors(document('<Sequence><Fly/><Action ID="Fly" height="{h}"/></Sequence>'), palette(FLY))
+        == []
+    )
 
 
 @pytest.mark.parametrize(
@@ -57,13 +60,13 @@ def test_a_node_that_a_palette_describes_may_be_used():
         ('<Decorator ID="Fly"/>', "wrong-kind", "Action"),
     ],
 )
-def test_a_described_node_is_checked_by_its_description(body, code, suggestion):
-    assert found(document(body), palette(FLY)) == [(code, "test.xml", 3, suggestion)]
+def test_described_node_is_checked_against_its_model(body, code, suggestion):
+    assert locate_errors(document(body), palette(FLY)) == [(code, "test.xml", 3, suggestion)]
 
 
-def test_a_described_node_that_is_written_as_another_kind_of_leaf_is_told_of():
+def test_described_node_written_as_other_kind_of_leaf_is_warning():
     body = '<Condition ID="Fly"/>'
-    assert slips(document(body), palette(FLY)) == [("wrong-kind", "test.xml", 3, "Action")]
+    assert model_warnings(document(body), palette(FLY)) == [("wrong-kind", "test.xml", 3, "Action")]
 
 
 TYPES = {
@@ -80,22 +83,22 @@ TYPES = {
 
 
 @pytest.mark.parametrize("name", TYPES)
-def test_a_port_has_the_type_that_it_is_said_to_have(name):
+def test_port_has_declared_type(name):
     right, wrong = TYPES[name]
     written = name.replace("<", "&lt;")
     model = palette(f'<Action ID="Do"><input_port name="x" type="{written}"/></Action>')
-    assert found(document(f'<Do x="{right}"/>'), model) == []
+    assert locate_errors(document(f'<Do x="{right}"/>'), model) == []
     if wrong is not None:
-        assert [code for code, *_ in found(document(f'<Do x="{wrong}"/>'), model)] == ["wrong-value"]
+        assert [code for code, *_ in locate_errors(document(f'<Do x="{wrong}"/>'), model)] == ["wrong-value"]
 
 
-def test_an_output_of_a_described_node_must_be_a_key():
+def test_output_port_of_described_node_must_be_key():
     model = palette('<Action ID="Do"><output_port name="x"/></Action>')
-    assert found(document('<Do x="{x}"/>'), model) == []
-    assert found(document('<Do x="x"/>'), model) == [("wrong-value", "test.xml", 3, "{x}")]
+    assert locate_errors(document('<Do x="{x}"/>'), model) == []
+    assert locate_errors(document('<Do x="x"/>'), model) == [("wrong-value", "test.xml", 3, "{x}")]
 
 
-SLIPS = {
+WRONG_MODELS = {
     "an unknown kind": ('<Acton ID="X"/>', "Action"),
     "no ID": ("<Action/>", None),
     "a port that is none": ('<Action ID="X"><input_prt name="a"/></Action>', "input_port"),
@@ -107,10 +110,10 @@ SLIPS = {
 }
 
 
-@pytest.mark.parametrize("name", SLIPS)
-def test_a_slip_in_a_model_is_a_warning_where_it_stands(name):
-    model, suggestion = SLIPS[name]
-    assert slips(palette(model, trees=TREE)) == [("wrong-model", "test.xml", 2, suggestion)]
+@pytest.mark.parametrize("name", WRONG_MODELS)
+def test_error_in_model_is_located_and_reported_as_warning(name):
+    model, suggestion = WRONG_MODELS[name]
+    assert model_warnings(palette(model, trees=TREE)) == [("wrong-model", "test.xml", 2, suggestion)]
 
 
 WRONG_SUBTREES = {
@@ -124,14 +127,14 @@ WRONG_SUBTREES = {
 
 
 @pytest.mark.parametrize("name", WRONG_SUBTREES)
-def test_a_mistake_in_the_model_of_a_subtree_is_an_error_because_it_counts(name):
+def test_error_in_subtree_model_is_reported_as_error(name):
     model, code = WRONG_SUBTREES[name]
-    assert found(palette(model, trees=TREE)) == [(code, "test.xml", 2, None)]
+    assert locate_errors(palette(model, trees=TREE)) == [(code, "test.xml", 2, None)]
 
 
-def test_a_port_of_another_name_than_the_three_may_be_read_and_written():
+def test_port_with_unknown_element_name_accepts_literal_and_key():
     model = palette('<Action ID="Do"><bidirectional_port name="x"/></Action>')
-    assert found(document('<Sequence><Do x="1"/><Do x="{x}"/></Sequence>'), model) == []
+    assert locate_errors(document('<Sequence><Do x="1"/><Do x="{x}"/></Sequence>'), model) == []
 
 
 ARM = palette('<Action ID="Grip"><input_port name="strength"/></Action>')
@@ -148,14 +151,14 @@ ARM_AS_USED = palette(f'<Action ID="Grip"><input_port name="strength" type="int"
         (ARM_AS_USED, "server_timeout", "info"),
     ],
 )
-def test_an_attribute_that_a_description_lacks_weighs_as_much_as_the_description(model, attribute, severity):
+def test_severity_of_unknown_attribute_depends_on_model(model, attribute, severity):
     findings = check(
         forest_of(document(f'<Grip {attribute}="1"/>')), REGISTRY, [parse_xml(model, "palette.xml")]
     )
     assert [(each.code, each.severity.value) for each in findings] == [("unknown-attribute", severity)]
 
 
-def test_what_an_unlisted_attribute_may_read_is_not_taken_for_unread():
+def test_key_in_undeclared_attribute_is_not_reported_as_unread():
     tree = document(
         '<Sequence><SetBlackboard output_key="x" value="1"/><Grip server_timeout="{x}"/></Sequence>'
     )
@@ -163,26 +166,28 @@ def test_what_an_unlisted_attribute_may_read_is_not_taken_for_unread():
     assert [each.code for each in findings] == ["unknown-attribute"]
 
 
-def test_a_palette_made_from_use_says_nothing_of_types():
-    assert found(document('<Grip strength="very"/>'), ARM_AS_USED) == []
+def test_types_of_palette_made_from_use_are_not_checked():
+    assert locate_errors(document('<Grip strength="very"/>'), ARM_AS_USED) == []
 
 
-def test_the_files_own_model_wins_over_a_palette():
+def test_model_in_file_takes_precedence_over_palette():
     own = '<TreeNodesModel><Action ID="Grip"><input_port name="force"/></Action></TreeNodesModel>'
     tree = document('<Grip force="1"/>').replace("</root>", f"{own}</root>")
     findings = check(forest_of(tree), REGISTRY, [parse_xml(ARM, "palette.xml")])
     assert [each.code for each in findings] == ["wrong-model"]
 
 
-def test_a_node_that_is_only_called_as_one_of_py_trees_is_told_once():
+def test_node_only_named_like_py_trees_node_is_reported_once():
     tree = document('<ForEach vector_in="{a}" out="{b}" index="{i}"><AlwaysSuccess/></ForEach>')
-    assert found(tree) == [("unknown-node", "test.xml", 3, None)]
+    assert locate_errors(tree) == [("unknown-node", "test.xml", 3, None)]
 
 
-def test_a_node_whose_name_cannot_be_a_tag_is_written_by_its_id():
+def test_node_whose_name_is_no_valid_tag_is_written_in_explicit_form():
     model = palette('<Action ID="go there"><input_port name="x" type="int"/></Action>')
-    assert found(document('<Action ID="go there" x="1"/>'), model) == []
-    assert found(document('<Action ID="go there" x="a"/>'), model) == [("wrong-value", "test.xml", 3, None)]
+    assert locate_errors(document('<Action ID="go there" x="1"/>'), model) == []
+    assert locate_errors(document('<Action ID="go there" x="a"/>'), model) == [
+        ("wrong-value", "test.xml", 3, None)
+    ]
 
 
 OF_PY_TREES = '<MetadataFields><Metadata library="py_trees"/></MetadataFields>'
@@ -210,9 +215,9 @@ CONTRADICTIONS = {
 
 
 @pytest.mark.parametrize("name", CONTRADICTIONS)
-def test_a_model_that_contradicts_the_registry_is_a_warning(name):
+def test_model_contradicting_registry_is_warning(name):
     model, suggestion = CONTRADICTIONS[name]
-    assert slips(palette(model, trees=TREE)) == [("model-mismatch", "test.xml", 2, suggestion)]
+    assert model_warnings(palette(model, trees=TREE)) == [("model-mismatch", "test.xml", 2, suggestion)]
 
 
 @pytest.mark.parametrize(
@@ -222,7 +227,7 @@ def test_a_model_that_contradicts_the_registry_is_a_warning(name):
         ('<Condition ID="Sleep"/>', "<Sleep> is an Action, but the model declares Condition"),
     ],
 )
-def test_another_kind_is_named_with_its_article(model, said):
+def test_message_about_wrong_kind_has_correct_article(model, said):
     [finding] = check(forest_of(palette(model, trees=TREE)), REGISTRY)
     assert finding.message == said
 
@@ -242,8 +247,8 @@ def test_another_kind_is_named_with_its_article(model, said):
         '<Action ID="StatusQueue"><input_port name="eventually" type="Outcome"/></Action>',
     ],
 )
-def test_a_model_that_says_what_the_registry_knows_is_none(model):
-    assert slips(palette(model, trees=TREE)) == []
+def test_model_consistent_with_registry_is_accepted(model):
+    assert model_warnings(palette(model, trees=TREE)) == []
 
 
 DEFAULTS = {
@@ -253,62 +258,62 @@ DEFAULTS = {
 
 
 @pytest.mark.parametrize("which", DEFAULTS)
-def test_a_default_that_the_port_does_not_take_is_a_finding_at_the_default(which):
+def test_invalid_default_of_port_is_located(which):
     text = palette(DEFAULTS[which].format("12abc"), trees=TREE)
     (finding,) = check(forest_of(text), REGISTRY)
     column = DEFAULTS[which].index("{}") + 1
     assert (finding.code, finding.span.line, finding.span.column) == ("wrong-model", 2, column)
     assert finding.severity is Severity.WARNING
     assert finding.message == "default: '12abc' is not an integer"
-    assert slips(palette(DEFAULTS[which].format("12"), trees=TREE)) == []
+    assert model_warnings(palette(DEFAULTS[which].format("12"), trees=TREE)) == []
 
 
 @pytest.mark.parametrize("default", ["{y}", "y", "", "1.5"])
-def test_the_default_of_an_output_means_nothing(default):
+def test_default_of_output_port_is_ignored(default):
     model = f'<Action ID="Do"><output_port name="x" type="int" default="{default}"/></Action>'
-    assert slips(palette(model, trees=TREE)) == []
+    assert model_warnings(palette(model, trees=TREE)) == []
 
 
-def test_a_port_that_is_described_twice_is_a_finding():
+def test_port_described_twice_is_reported():
     text = palette('<Action ID="Do"><input_port name="x"/>\n<input_port name="x"/></Action>', trees=TREE)
     (finding,) = check(forest_of(text), REGISTRY)
     assert (finding.code, finding.span.line, finding.span.column) == ("wrong-model", 3, 19)
     assert finding.message == "the port 'x' is already described on line 2"
 
 
-def test_a_node_that_is_described_twice_must_be_described_alike():
+def test_contradictory_models_of_node_are_reported():
     other = '<Action ID="Fly"><input_port name="height" type="int"/></Action>'
-    assert slips(palette(FLY, FLY, trees=TREE)) == []
+    assert model_warnings(palette(FLY, FLY, trees=TREE)) == []
     (finding,) = check(forest_of(palette(FLY, other, trees=TREE)), REGISTRY)
     assert (finding.code, finding.span.line) == ("wrong-model", 3)
     assert finding.message == "'Fly' is described differently on line 2"
 
 
-def test_a_file_that_describes_a_node_otherwise_than_its_palette_is_a_finding_in_the_file():
+def test_model_contradicting_palette_is_reported_in_file():
     other = '<Action ID="Fly"><input_port name="height" type="int"/></Action>'
-    assert slips(palette(FLY, trees=TREE), palette(FLY)) == []
-    assert slips(palette(other, trees=TREE), palette(FLY)) == [("wrong-model", "test.xml", 2, None)]
+    assert model_warnings(palette(FLY, trees=TREE), palette(FLY)) == []
+    assert model_warnings(palette(other, trees=TREE), palette(FLY)) == [("wrong-model", "test.xml", 2, None)]
 
 
-def test_a_subtree_that_a_file_describes_twice_is_a_finding():
-    mismatch = ("model-mismatch", "test.xml", 2, None)  # the tree does nothing with its port goal
-    found = slips(with_subtree('goal="x"', SUBTREE + "\n" + SUBTREE))
-    assert found == [mismatch, ("wrong-model", "test.xml", 3, None)]
+def test_subtree_described_twice_is_reported():
+    mismatch = ("model-mismatch", "test.xml", 2, None)  # the tree does not use its port goal
+    warnings = model_warnings(with_subtree('goal="x"', SUBTREE + "\n" + SUBTREE))
+    assert warnings == [mismatch, ("wrong-model", "test.xml", 3, None)]
 
 
-def test_notes_of_groot_beside_the_models_mean_nothing():
+def test_groot_metadata_beside_models_is_ignored():
     notes = '<MetadataFields><Metadata group="air"/></MetadataFields>'
-    assert found(palette(notes, FLY, trees='<BehaviorTree ID="A"><Fly/></BehaviorTree>')) == []
+    assert locate_errors(palette(notes, FLY, trees='<BehaviorTree ID="A"><Fly/></BehaviorTree>')) == []
 
 
-def test_a_file_that_only_describes_nodes_is_right_by_itself():
-    assert found(palette(FLY)) == []
+def test_file_with_only_models_is_valid_but_has_no_tree():
+    assert locate_errors(palette(FLY)) == []
     with pytest.raises(TreeError) as caught:
         bind_main(forest_of(palette(FLY)), REGISTRY)
     assert [finding.code for finding in caught.value.findings] == ["no-tree"]
 
 
-def test_a_palette_with_a_mistake_has_the_finding_itself():
+def test_error_in_palette_is_reported_only_for_palette():
     wrong = [parse_xml(palette('<Action ID="Sequence"/>'), "palette.xml")]
     (finding,) = check_palettes(wrong, REGISTRY)
     assert (finding.code, finding.source.path, finding.span.line) == ("model-mismatch", "palette.xml", 2)
@@ -336,14 +341,14 @@ DECLARED = {
 
 @pytest.mark.parametrize("name", DECLARED)
 @pytest.mark.parametrize("beside", [True, False], ids=["in a palette", "in the file"])
-def test_a_node_that_is_declared_by_the_name_of_one_of_py_trees_is_that_node(name, beside):
+def test_declared_node_replaces_py_trees_node_of_same_name(name, beside):
     model, body = DECLARED[name]
     body = body.replace("{0}", "Fly")
     text = (
         document(body) if beside else palette(model, FLY, trees=f'<BehaviorTree ID="A">{body}</BehaviorTree>')
     )
     palettes = [palette(model, FLY)] if beside else []
-    assert slips(text, *palettes) == []
+    assert model_warnings(text, *palettes) == []
     binding = bind_main(forest_of(text), REGISTRY, None, [parse_xml(each) for each in palettes])
     tag = re.findall('ID="(.*?)"', model)[0]
     (node,) = [node for node in binding.all_nodes() if node.spec.tag == tag]
@@ -353,7 +358,7 @@ def test_a_node_that_is_declared_by_the_name_of_one_of_py_trees_is_that_node(nam
     assert [finding.code for finding in caught.value.findings] == ["not-installed"] * 2
 
 
-def test_whoever_means_the_node_of_py_trees_is_told_to_delete_the_model():
+def test_hint_says_how_to_use_py_trees_node_of_same_name():
     text = palette('<Action ID="Dummy"/>', trees=TREE.replace("Success", "Dummy"))
     with pytest.raises(TreeError) as caught:
         compile_tree(bind_main(forest_of(text), REGISTRY), {}, {})
@@ -361,15 +366,15 @@ def test_whoever_means_the_node_of_py_trees_is_told_to_delete_the_model():
     assert "to use py_trees' <Dummy>" in (finding.hint or "")
 
 
-def test_a_description_of_a_node_of_py_trees_that_is_noted_as_such_is_one():
+def test_model_marked_as_py_trees_describes_py_trees_node():
     described = f'<Action ID="Dummy">{OF_PY_TREES}</Action>'
     text = palette(described, trees='<BehaviorTree ID="A"><Dummy/></BehaviorTree>')
-    assert slips(text) == []
+    assert model_warnings(text) == []
     assert compile_tree(bind_main(forest_of(text), REGISTRY), {}, {}).root.name == "Dummy"
 
 
 @pytest.mark.parametrize("tag", ["Sequence", "Inverter", "AlwaysSuccess", "NavigateToBase"])
-def test_what_behaviortree_cpp_or_a_class_has_stays_what_it_is(tag):
+def test_model_does_not_redefine_built_in_or_registered_node(tag):
     node = f"<{tag}><Success/></{tag}>" if tag in ("Sequence", "Inverter") else f"<{tag}/>"
     text = palette(f'<Condition ID="{tag}"/>', trees=f'<BehaviorTree ID="A">{node}</BehaviorTree>')
     binding = bind_main(forest_of(text), REGISTRY)
@@ -377,19 +382,21 @@ def test_what_behaviortree_cpp_or_a_class_has_stays_what_it_is(tag):
     assert ("model-mismatch", 2) in [(f.code, f.span.line) for f in check(forest_of(text), REGISTRY)]
 
 
-def test_the_explicit_form_of_a_condition_that_nobody_declares_is_not_the_decorator_of_py_trees():
-    assert found(document('<Condition ID="Condition" name="c"/>')) == [("unknown-node", "test.xml", 3, None)]
-    assert found(document('<Decorator ID="Condition" status="SUCCESS"><Success/></Decorator>')) == []
-    assert found(document('<Condition status="SUCCESS"><Success/></Condition>')) == []
+def test_explicit_form_of_undeclared_condition_is_not_py_trees_decorator():
+    assert locate_errors(document('<Condition ID="Condition" name="c"/>')) == [
+        ("unknown-node", "test.xml", 3, None)
+    ]
+    assert locate_errors(document('<Decorator ID="Condition" status="SUCCESS"><Success/></Decorator>')) == []
+    assert locate_errors(document('<Condition status="SUCCESS"><Success/></Condition>')) == []
 
 
-def test_an_explicit_form_names_its_node_also_where_one_is_called_as_the_kind():
-    assert found(document("<Action/>"), palette('<Action ID="Action"/>')) == [
+def test_explicit_form_needs_id_even_if_node_is_named_like_kind():
+    assert locate_errors(document("<Action/>"), palette('<Action ID="Action"/>')) == [
         ("missing-attribute", "test.xml", 3, None)
     ]
 
 
-def test_a_described_tree_can_be_looked_at_but_not_flown():
+def test_tree_of_described_nodes_can_be_previewed_but_not_compiled():
     text = palette(
         FLY,
         '<Control ID="Group"/><Decorator ID="Around"/>',
@@ -415,7 +422,7 @@ def with_subtree(attributes, model=SUBTREE):
     ).replace("<root ", '<root main_tree_to_execute="A" ')
 
 
-def test_a_subtree_must_be_given_what_its_model_says_without_a_default():
+def test_subtree_port_without_default_is_required():
     (finding,) = check(forest_of(with_subtree("")), REGISTRY)
     assert (finding.code, finding.span.line) == ("missing-attribute", 3)
     assert "needs 'goal'" in finding.message
@@ -423,12 +430,12 @@ def test_a_subtree_must_be_given_what_its_model_says_without_a_default():
 
 
 @pytest.mark.parametrize("attributes", ['goal="{here}"', 'goal="there"', '_autoremap="true"', 'goal="{=}"'])
-def test_a_subtree_that_is_given_it_or_remaps_everything_is_right(attributes):
-    assert found(with_subtree(attributes)) == []
+def test_required_subtree_port_may_be_given_or_autoremapped(attributes):
+    assert locate_errors(with_subtree(attributes)) == []
 
 
 @pytest.mark.parametrize(("attributes", "seen"), [('goal="x"', 0.5), ('goal="x" speed="2"', 2)])
-def test_the_default_of_a_model_counts_where_nothing_is_written(attributes, seen):
+def test_default_of_subtree_model_is_used_if_port_is_not_given(attributes, seen):
     tree = compile_tree(bind_main(forest_of(with_subtree(attributes)), REGISTRY), {}, {})
     tree.root.tick_once()
     assert tree.instance.scope.resolve("seen").read() == seen
@@ -475,23 +482,23 @@ NAVIGATE = """
 </RecoveryNode>"""
 
 
-def test_a_tree_in_the_manner_of_nav2_is_right_with_its_palette_and_drawn():
-    assert found(document(NAVIGATE), NAVIGATION) == []
+def test_nav2_style_tree_with_palette_is_valid_and_can_be_previewed():
+    assert locate_errors(document(NAVIGATE), NAVIGATION) == []
     binding = bind_main(forest(NAVIGATE), REGISTRY, None, [parse_xml(NAVIGATION)])
     assert len(list(preview_tree(binding).root.iterate())) == 16
 
 
-def test_without_its_palette_every_unknown_node_is_a_finding_of_its_own():
-    codes = [code for code, *_ in found(document(NAVIGATE))]
+def test_every_unknown_node_is_reported_without_palette():
+    codes = [code for code, *_ in locate_errors(document(NAVIGATE))]
     assert codes == ["unknown-node"] * 14
 
 
-def test_what_a_palette_has_only_for_the_reader_of_the_library_is_told():
+def test_unescaped_ampersands_in_palette_are_reported():
     model = '<Action ID="Fly"><input_port name="when">low && slow</input_port></Action>'
     [finding] = check_palettes([parse_xml(palette(model), "palette.xml")], REGISTRY)
     assert (finding.source.path, finding.span.line, finding.suggestion) == ("palette.xml", 2, "&amp;&amp;")
 
 
-def test_names_are_found_in_a_long_script_in_linear_time():
+def test_undeclared_names_in_long_script_are_found_in_linear_time():
     text = document(f'<Script code="{"a" * 1_000_000} mine := RED"/>')
     assert undeclared_names([parse_xml(text, "long.xml")], []) >= {"RED"}

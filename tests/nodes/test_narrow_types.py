@@ -1,4 +1,4 @@
-"""Attributes that take less than a number or a text: how long to wait, how often, which items."""
+"""Tests of attributes that accept only some numbers or strings: durations, counts, queues."""
 
 import re
 from typing import Annotated
@@ -25,14 +25,14 @@ REGISTRY = default_registry()
 LARGEST = 2**32 - 1
 
 
-def found(body):
+def error_locations(body):
     findings = errors(forest(body), REGISTRY)
     return [(f.code, f.span.column, f.message) for f in findings if f.severity is Severity.ERROR]
 
 
 @pytest.mark.parametrize("number", [0, 1, 4294967295])
-def test_a_time_in_milliseconds_is_what_an_unsigned_number_can_be(number):
-    assert found(f'<Sleep msec="{number}"/>') == []
+def test_milliseconds_accept_unsigned_integers(number):
+    assert error_locations(f'<Sleep msec="{number}"/>') == []
     assert schema_errors(parse_xml(document(f'<Sleep msec="{number}"/>')), REGISTRY) == []
 
 
@@ -45,15 +45,15 @@ def test_a_time_in_milliseconds_is_what_an_unsigned_number_can_be(number):
         '<Timeout msec="{}"><Success/></Timeout>',
     ],
 )
-def test_any_other_is_a_finding_that_says_the_range_and_the_schema_refuses_it(node, number):
-    ((code, column, message),) = found(node.format(number))
+def test_number_outside_unsigned_range_is_rejected_by_check_and_schema(node, number):
+    ((code, column, message),) = error_locations(node.format(number))
     assert (code, column) == ("wrong-value", node.index("{}") + 1)
     assert f"'{number}' is not an integer from 0 to 4294967295" in message
     assert schema_errors(parse_xml(document(node.format(number))), REGISTRY)
 
 
 @given(st.integers(-10, 10) | st.integers(LARGEST - 10, LARGEST + 10) | st.integers(0, 10**12))
-def test_the_pattern_of_the_schema_takes_the_numbers_that_are_taken(number):
+def test_schema_pattern_matches_exactly_accepted_numbers(number):
     matches = re.fullmatch(UNSIGNED.pattern, str(number)) is not None
     assert matches == (0 <= number <= LARGEST)
     if matches:
@@ -64,7 +64,7 @@ def test_the_pattern_of_the_schema_takes_the_numbers_that_are_taken(number):
 
 
 @pytest.mark.parametrize("held", [-1, 2**32, "-1"])
-def test_a_number_on_the_blackboard_beyond_the_range_is_an_error_that_says_it(held):
+def test_number_on_blackboard_outside_range_raises_error_with_range(held):
     binding = bind_main(forest('<Sleep msec="{pause}"/>'), REGISTRY)
     tree = compile_tree(binding, {Clock: ManualClock()}, {})
     tree.instance.scope.resolve("pause").write(held)
@@ -75,7 +75,7 @@ def test_a_number_on_the_blackboard_beyond_the_range_is_an_error_that_says_it(he
         tree.root.tick_once()
 
 
-def test_unsigned_in_a_model_has_that_range_too():
+def test_unsigned_int_in_model_has_same_type():
     assert type_of_cpp_name("unsigned int") is UNSIGNED
 
 
@@ -109,7 +109,7 @@ def registry():
     return Registry([NodeSpec("Patient", Patient, Kind.ACTION)])
 
 
-def test_a_leaf_says_in_its_annotation_from_which_number_on(registry):
+def test_at_least_annotation_limits_attribute(registry):
     assert errors(forest('<Patient attempts="1" speed="2"/>'), registry) == []
     (finding,) = errors(forest('<Patient attempts="0"/>'), registry)
     assert finding.message == "attempts: '0' is not an integer, 1 or more"
@@ -117,7 +117,7 @@ def test_a_leaf_says_in_its_annotation_from_which_number_on(registry):
 
 
 @pytest.mark.parametrize("share", ["60", "-0.1", "1.001"])
-def test_a_leaf_says_in_its_annotation_which_numbers_make_sense(registry, share):
+def test_plausible_number_annotation_leads_to_warning(registry, share):
     (finding,) = check(forest(f'<Patient share="{share}"/>'), registry)
     assert (finding.code, finding.severity) == ("out-of-range", Severity.WARNING)
     assert finding.hint == "write a number from 0 to 1"
@@ -128,12 +128,12 @@ def test_a_leaf_says_in_its_annotation_which_numbers_make_sense(registry, share)
     "leaf",
     ['RefineSweep until_pod="60"', 'PlanSweep coverage="0"', 'PlanSweep clearance="-0.3"', 'BatterySuffices at_least="20"'],
 )  # fmt: skip
-def test_per_cent_and_what_lies_below_zero_make_no_sense_to_leaves_of_a_search(leaf):
-    found = check(forest(f"<{leaf}/>"), REGISTRY)
-    assert "out-of-range" in [each.code for each in found]
+def test_implausible_numbers_of_search_leaves_are_reported(leaf):
+    findings = check(forest(f"<{leaf}/>"), REGISTRY)
+    assert "out-of-range" in [each.code for each in findings]
 
 
-def test_a_parameter_of_the_mission_must_be_such_a_number_as_well(registry):
+def test_mission_parameter_is_checked_against_annotation(registry):
     binding = bind_main(forest('<Patient attempts="{@tries}"/>'), registry)
     with pytest.raises(TreeError, match="the mission parameter 'tries' is invalid: '0' is not"):
         compile_tree(binding, {}, {"tries": 0})
@@ -150,8 +150,8 @@ def test_a_parameter_of_the_mission_must_be_such_a_number_as_well(registry):
         ('<LoopBool queue="maybe"><Success/></LoopBool>', 18, "'maybe' is not true or false"),
     ],
 )
-def test_a_literal_queue_with_a_wrong_item_is_a_finding(node, column, words):
-    ((code, at, message),) = found(node)
+def test_invalid_item_of_literal_queue_is_reported(node, column, words):
+    ((code, at, message),) = error_locations(node)
     assert (code, at) == ("wrong-value", column)
     assert f"queue: {words}" in message
 
@@ -166,6 +166,6 @@ def test_a_literal_queue_with_a_wrong_item_is_a_finding(node, column, words):
         '<Parallel policy="SuccessOnSelected" selected="{@s}"><Success/></Parallel>',
     ],
 )
-def test_a_node_whose_values_only_the_mission_knows_can_be_looked_at(node):
-    assert found(node) == []
+def test_node_with_mission_parameters_can_be_previewed(node):
+    assert error_locations(node) == []
     assert preview_tree(bind_main(forest(node), REGISTRY)).root.name == node[1:].split(" ", maxsplit=1)[0]

@@ -1,4 +1,4 @@
-"""The nodes of Nav2's distributions, by name and version."""
+"""Tests of the palettes of Nav2, by distribution."""
 
 import re
 
@@ -23,12 +23,12 @@ def tags_of(version):
     return {spec.tag for spec in load_palettes([f"nav2:{version}"])}
 
 
-def said(body, version="jazzy"):
+def error_messages(body, version="jazzy"):
     return [finding.message for finding in errors(forest(body), REGISTRIES[version])]
 
 
-class TestTheDistributions:
-    def test_each_has_the_nodes_that_it_registers(self):
+class TestDistributions:
+    def test_each_distribution_has_its_registered_nodes(self):
         jazzy, kilted, main = map(tags_of, DISTRIBUTIONS)
         assert [len(tags) for tags in (jazzy, kilted, main)] == [65, 70, 81]
         assert "IsPathValid" in jazzy & kilted - main
@@ -39,25 +39,25 @@ class TestTheDistributions:
     @pytest.mark.parametrize(
         "node", ["<RecoveryNode>{0}{0}</RecoveryNode>", "<RateController>{0}</RateController>"]
     )
-    def test_those_whose_children_are_skipped_may_be_skipped_themselves(self, node):
+    def test_parent_of_skippable_children_can_be_skipped(self, node):
         inside = node.format("<AlwaysSuccess _skipIf='@paused'/>")
         [finding] = errors(forest(f"<FailureIsRunning>{inside}</FailureIsRunning>"), REGISTRIES["jazzy"])
         assert finding.code == "skip-misread"
 
-    def test_a_port_is_known_where_its_node_has_it(self):
+    def test_port_is_known_only_in_distributions_that_have_it(self):
         body = '<RoundRobin wrap_around="true"><IsStuck/></RoundRobin>'
-        assert said(body, "main") == []
-        assert said(body) == ["<RoundRobin> has no attribute 'wrap_around' (known: name, oneshot)"]
+        assert error_messages(body, "main") == []
+        assert error_messages(body) == ["<RoundRobin> has no attribute 'wrap_around' (known: name, oneshot)"]
         body = '<Wait error_code_id="{e}"/>'
-        assert len(said(body)) == 1
-        assert said(body, "kilted") == said(body, "main") == []
+        assert len(error_messages(body)) == 1
+        assert error_messages(body, "kilted") == error_messages(body, "main") == []
 
-    def test_a_default_is_a_value(self):
+    def test_default_is_converted_to_value(self):
         parameters = REGISTRIES["main"]["TruncatePathLocal"].parameters
         assert parameters["max_robot_pose_search_dist"].default == float("inf")
         assert parameters["distance_forward"].default == 8.0
 
-    def test_everything_that_is_said_of_ports_is_of_one(self):
+    def test_described_ports_are_exactly_those_of_nodes(self):
         lines = [
             line
             for part in ("nodes", "likes")
@@ -74,12 +74,12 @@ class TestTheDistributions:
             undescribed = [p.name for p in spec.attributes if not p.doc and p.name != "name"]
             assert not undescribed, spec.tag
 
-    def test_no_leaf_is_ever_skipped_and_a_condition_does_not_run(self):
+    def test_no_leaf_can_be_skipped_and_no_condition_can_be_running(self):
         leaves = [spec for spec in load_palettes(["nav2:jazzy"]) if spec.kind.is_leaf]
         assert not [spec.tag for spec in leaves if "SKIPPED" in spec.statuses]
         assert not [s.tag for s in leaves if s.kind is Kind.CONDITION and "RUNNING" in s.statuses]
 
-    def test_the_usual_answer_comes_first(self):
+    def test_usual_outcome_is_first(self):
         assert REGISTRIES["jazzy"]["GoalUpdated"].outcomes[0].status == "FAILURE"
         assert REGISTRIES["jazzy"]["IsPathValid"].outcomes[0].status == "SUCCESS"
 
@@ -98,7 +98,7 @@ class TestNumbers:
             ('<Wait server_timeout="0.5ms"/>', None, "write an integer in milliseconds, without a unit"),
         ],
     )
-    def test_a_unit_is_worked_out_where_nav2_has_another_one_or_none(self, body, suggestion, hint):
+    def test_number_with_unit_is_reported_with_converted_number_or_hint(self, body, suggestion, hint):
         [finding] = errors(forest(body), REGISTRIES["jazzy"])
         assert (finding.suggestion, finding.hint) == (suggestion, hint)
 
@@ -110,7 +110,7 @@ class TestNumbers:
             ("RemoveInCollisionGoals", "cost_threshold", ("-1", "256"), "from 0 to 255"),
         ],
     )
-    def test_a_number_that_makes_no_sense_is_a_warning(self, node, name, numbers, bounds):
+    def test_implausible_number_is_warning(self, node, name, numbers, bounds):
         children = "<IsStuck/>" * {"RateController": 1, "RecoveryNode": 2}.get(node, 0)
         for number in numbers:
             body = f'<{node} {name}="{number}">{children}</{node}>'
@@ -118,8 +118,8 @@ class TestNumbers:
             [finding] = [each for each in found if each.code == "out-of-range"]
             assert (finding.severity, finding.hint) == (Severity.WARNING, f"write a number {bounds}")
 
-    def test_a_port_has_the_unit_that_its_description_says(self):
-        said = {
+    def test_unit_of_port_matches_its_description(self):
+        phrases = {
             "s": "in seconds",
             "rad": "in radians",
             "m": "in metres",
@@ -128,11 +128,11 @@ class TestNumbers:
         }
         known = {name: unit for unit, names in facts()["units"].items() for name in names}
         for name, doc in facts()["ports"].items():
-            units = [unit for unit, words in said.items() if re.search(rf"{words}\b(?! per)", doc)]
+            units = [unit for unit, words in phrases.items() if re.search(rf"{words}\b(?! per)", doc)]
             assert known.get(name, "") in (units or [""]), name
 
     @pytest.mark.parametrize("version", DISTRIBUTIONS)
-    def test_every_default_makes_sense(self, version):
+    def test_every_default_is_plausible(self, version):
         for spec in load_palettes([f"nav2:{version}"]):
             for each in spec.attributes:
                 if each.value_type.usual is not None and each.default is not None:
@@ -152,8 +152,8 @@ class TestValues:
             '<WouldAPlannerRecoveryHelp error_codes_to_check="1;2"/>',
         ],
     )
-    def test_what_nav2_converts_is_a_value(self, body):
-        assert said(body) == []
+    def test_value_that_nav2_can_convert_is_accepted(self, body):
+        assert error_messages(body) == []
 
     @pytest.mark.parametrize(
         ("body", "message"),
@@ -176,17 +176,17 @@ class TestValues:
             ),
         ],
     )
-    def test_what_it_refuses_is_none(self, body, message):
-        assert said(body) == [message]
+    def test_value_that_nav2_rejects_is_reported(self, body, message):
+        assert error_messages(body) == [message]
 
 
 class TestNames:
     @pytest.mark.parametrize("name", ["nav2:jazzy", "nav2:", "my_robot:1.2"])
-    def test_a_name_has_a_version(self, name):
+    def test_palette_name_contains_colon_and_optional_version(self, name):
         assert is_palette_name(name)
 
     @pytest.mark.parametrize("path", ["nodes.xml", "./nav2:jazzy", "C:nodes.xml", "a/b:c"])
-    def test_a_path_is_none(self, path):
+    def test_path_is_no_palette_name(self, path):
         assert not is_palette_name(path)
 
     @pytest.mark.parametrize(
@@ -199,26 +199,26 @@ class TestNames:
             ("nav:jazzy", "there is no palette 'nav:jazzy', did you mean 'nav2:...'? (installed: nav2:..."),
         ],
     )
-    def test_a_name_that_is_not_known_is_told_with_those_that_are(self, name, message):
+    def test_unknown_palette_is_reported_with_installed_ones(self, name, message):
         with pytest.raises(PaletteError, match=re.escape(message)):
             load_palettes([name])
 
-    def test_of_two_versions_the_first_one_counts(self):
+    def test_first_of_two_versions_is_used(self):
         specs = load_palettes(["nav2:main", "nav2:jazzy"])
         assert {spec.tag for spec in specs} == tags_of("main")
 
 
 @register("FollowPath", kind=Kind.ACTION)
 class FollowPath(SkippableLeaf):
-    """A leaf of the user's own, under a name that Nav2 has as well."""
+    """A leaf of the user with the same name as a node of Nav2."""
 
 
-class TestTheProject:
-    def test_what_the_user_has_registered_wins(self):
+class TestProject:
+    def test_registered_leaf_takes_precedence_over_palette(self):
         registry = load_registry([FollowPath], palettes=["nav2:jazzy"])
         assert registry["FollowPath"].cls is FollowPath
 
-    def test_a_configuration_names_a_palette_and_the_user_another_version(self, tmp_path):
+    def test_palette_version_of_user_takes_precedence_over_configuration(self, tmp_path):
         path = tmp_path / "tree.xml"
         path.write_text(document("<IsPathValid/>"), encoding="utf-8")
         (tmp_path / "sar.toml").write_text('models = ["nav2:jazzy"]\n', encoding="utf-8")
@@ -227,7 +227,7 @@ class TestTheProject:
 
 
 class TestRuns:
-    """Trees of Nav2's nodes, without Nav2."""
+    """Runs of trees of Nav2's nodes without Nav2."""
 
     def tree(self, tmp_path, body, version="jazzy"):
         path = tmp_path / "tree.xml"
@@ -239,13 +239,13 @@ class TestRuns:
         '<FollowPath path="{path}"/></PipelineSequence>'
     )
 
-    def test_a_scenario_says_what_happens_in_the_world(self, tmp_path):
+    def test_simulation_uses_given_outcomes(self, tmp_path):
         world = {"DistanceController": ["driven", "on the way", "driven"], "FollowPath": ["RUNNING"] * 3}
         simulated = self.tree(tmp_path, self.REPLANNING).simulate(leaves=world)
         planned = [simulated.tick().trace.count("ComputePathToPose") for _ in range(3)]
         assert planned == [1, 1, 2]
 
-    def test_verification_tries_everything_that_can_happen_there(self, tmp_path):
+    def test_verification_tries_all_outcomes_of_stand_in(self, tmp_path):
         verification = self.tree(tmp_path, self.REPLANNING).verify()
         assert verification.is_proved
         asked = next(leaf for leaf in verification.leaves if leaf.name == "DistanceController")
@@ -260,26 +260,24 @@ class TestRuns:
             ("main", ' wrap_around="true"', "SUCCESS"),
         ],
     )
-    def test_where_a_round_robin_does_not_wrap_it_never_succeeds_with_its_last_child(
-        self, tmp_path, version, attribute, end
-    ):
+    def test_round_robin_without_wrap_around_fails_with_last_child(self, tmp_path, version, attribute, end):
         body = f"<RoundRobin{attribute}><AlwaysFailure/><IsStuck/></RoundRobin>"
         assert self.tree(tmp_path, body, version).simulate(IsStuck="SUCCESS").tick().root == end
 
-    def test_a_recovery_comes_after_a_failure_and_never_after_a_success(self, tmp_path):
+    def test_recovery_runs_only_after_failure(self, tmp_path):
         body = "<RecoveryNode><ComputePathToPose/><ClearEntireCostmap/></RecoveryNode>"
         simulated = self.tree(tmp_path, body).simulate(ComputePathToPose=["FAILURE", "SUCCESS"])
         assert simulated.tick().root == "SUCCESS"
         assert "ClearEntireCostmap" in simulated.trace
         assert "ClearEntireCostmap" not in self.tree(tmp_path, body).simulate().tick().trace
 
-    def test_to_run_it_the_nodes_without_a_class_are_named(self, tmp_path):
+    def test_compiling_reports_nodes_without_class(self, tmp_path):
         body = "<RecoveryNode><RateController><AlwaysSuccess/></RateController><Spin/></RecoveryNode>"
         with pytest.raises(TreeError, match="<Spin> is a node of another program") as caught:
             self.tree(tmp_path, body).compile()
         assert [finding.code for finding in caught.value.findings] == ["not-installed"]
 
-    def test_what_needs_no_nav2_runs_without_it(self, tmp_path):
+    def test_controls_and_decorators_of_nav2_run_without_nav2(self, tmp_path):
         body = (
             "<RecoveryNode><RateController><AlwaysFailure/></RateController><AlwaysSuccess/></RecoveryNode>"
         )
@@ -288,7 +286,7 @@ class TestRuns:
         assert compiled.root.status is Status.FAILURE
 
 
-def test_a_palette_that_only_lies_in_the_current_folder_is_not_loaded(tmp_path, monkeypatch):
+def test_palette_that_is_only_in_current_folder_is_not_loaded(tmp_path, monkeypatch):
     metadata = tmp_path / "gripper-1.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: gripper\nVersion: 1\n", encoding="utf-8")

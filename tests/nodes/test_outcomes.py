@@ -1,4 +1,4 @@
-"""What a leaf can answer where there is no robot: said when it is registered, filled in for each node."""
+"""Tests of the outcomes of leaves: declared at registration, and filled in for each node."""
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -30,37 +30,41 @@ class Leaf(Behaviour):
         return Status.SUCCESS
 
 
-def used(cls):
-    """Return what a class means, as somebody learns who uses its tag."""
+def resolved_spec(cls):
+    """Return the spec of a class, resolved as by the first use of its tag."""
     spec = getattr(cls, MARK)
     Registry([spec]).variants(spec.tag)
     return spec
 
 
-def registered(**said):
+def register_leaf(**said):
     cls = register("Leaf", kind=Kind.ACTION, **{"outcomes": ANY, **said})(type("Leaf", (Leaf,), {}))
-    return used(cls)
+    return resolved_spec(cls)
 
 
-def test_a_leaf_that_says_nothing_more_answers_each_of_its_outcomes_success_first():
-    assert registered(outcomes={Status.RUNNING, Status.SUCCESS}).outcomes == (
+def test_statuses_become_outcomes_with_success_first():
+    assert register_leaf(outcomes={Status.RUNNING, Status.SUCCESS}).outcomes == (
         Outcome("SUCCESS"),
         Outcome("RUNNING"),
     )
 
 
-def test_a_leaf_without_outcomes_can_answer_anything_but_skipped():
-    assert [answer.status for answer in registered(outcomes=()).outcomes] == ["SUCCESS", "FAILURE", "RUNNING"]
+def test_leaf_without_outcomes_can_return_all_statuses_but_skipped():
+    assert [answer.status for answer in register_leaf(outcomes=()).outcomes] == [
+        "SUCCESS",
+        "FAILURE",
+        "RUNNING",
+    ]
 
 
-def test_answers_keep_their_order_and_their_words():
+def test_outcomes_keep_their_order_and_labels():
     answers = [Outcome("FAILURE", "no"), Outcome("SUCCESS", "yes", when="left > 0", then="left -= 1")]
-    spec = registered(outcomes=answers, facts={"left": 2}, reads=["speed"], writes=["place"])
+    spec = register_leaf(outcomes=answers, facts={"left": 2}, reads=["speed"], writes=["place"])
     assert list(spec.outcomes) == answers
     assert (dict(spec.facts), spec.reads, spec.writes) == ({"left": 2}, ("speed",), ("place",))
 
 
-def test_a_control_has_no_answers():
+def test_control_has_no_outcomes():
     assert default_registry()["Sequence"].outcomes == ()
 
 
@@ -83,25 +87,25 @@ def test_a_control_has_no_answers():
         ({"reads": "left"}, "reads is the string 'left'; write a list or tuple"),
     ],
 )
-def test_what_cannot_be_meant_is_refused_when_the_class_is_marked(said, message):
+def test_invalid_argument_is_rejected_when_class_is_registered(said, message):
     with pytest.raises(RegistrationError, match=message):
-        registered(**said)
+        register_leaf(**said)
 
 
-def test_a_script_that_cannot_be_read_is_refused_when_the_tag_is_first_used():
+def test_invalid_script_is_rejected_when_tag_is_first_used():
     with pytest.raises(
         RegistrationError, match=r"<Leaf>: outcome 'yes': when 'left >': a value is missing after '>'"
     ):
-        registered(outcomes=[Outcome("SUCCESS", "yes", when="left >")])
+        register_leaf(outcomes=[Outcome("SUCCESS", "yes", when="left >")])
 
 
 @pytest.mark.parametrize(
     "said", [{"outcomes": [Outcome("SUCCESS", when="by_{name}")]}, {"facts": {"by_{name}": 1}}]
 )
-def test_a_placeholder_stands_for_the_node_itself_or_for_a_reference(said):
+def test_placeholder_stands_for_node_or_reference(said):
     with pytest.raises(RegistrationError, match=r"unknown placeholder \{name\} \(known: \{self\}, \{say\}"):
-        registered(**said)
-    assert registered(facts={"by_{self}": 1, "by_{say}": 2}).facts
+        register_leaf(**said)
+    assert register_leaf(facts={"by_{self}": 1, "by_{say}": 2}).facts
 
 
 class Trying(Behaviour):
@@ -119,39 +123,39 @@ class Trying(Behaviour):
         return Status.SUCCESS
 
 
-def trying(**said):
+def register_trying_leaf(**said):
     cls = register("Trying", kind=Kind.ACTION, **{"outcomes": ANY, **said})(type("Trying", (Trying,), {}))
-    return used(cls)
+    return resolved_spec(cls)
 
 
-def test_in_scripts_a_placeholder_stands_for_the_value_of_a_whole_number():
+def test_placeholder_in_script_stands_for_integer_attribute():
     answers = [Outcome("SUCCESS", when="tried < {tries}"), Outcome("FAILURE"), Outcome("RUNNING")]
-    assert trying(outcomes=answers, facts={"tried": 0}).outcomes == tuple(answers)
+    assert register_trying_leaf(outcomes=answers, facts={"tried": 0}).outcomes == tuple(answers)
     with pytest.raises(RegistrationError, match=r"unknown placeholder \{tries\} \(known: \{self\}"):
-        trying(facts={"after_{tries}": 0})
+        register_trying_leaf(facts={"after_{tries}": 0})
     with pytest.raises(RegistrationError, match=r"outcome 'SUCCESS': then '\{tries\} = 1'"):
-        trying(outcomes=[Outcome("SUCCESS", then="{tries} = 1"), *answers[1:]])
+        register_trying_leaf(outcomes=[Outcome("SUCCESS", then="{tries} = 1"), *answers[1:]])
 
 
-def test_a_number_below_zero_stands_in_parentheses():
+def test_negative_number_is_written_in_parentheses():
     assert [number_text(3), number_text(-1)] == ["3", "(-1)"]
 
 
-def test_identifiers_take_the_place_of_placeholders():
+def test_placeholders_are_replaced_by_identifiers():
     answer = Outcome("SUCCESS", "found", when="left_{self} > 0", then="by_{say} = true")
     assert fill_outcome(answer, {"self": "Look", "say": "Tell"}) == Outcome(
         "SUCCESS", "found", when="left_Look > 0", then="by_Tell = true"
     )
 
 
-def test_the_place_of_a_mistake_is_that_in_the_text_with_its_placeholders():
+def test_location_of_script_error_refers_to_text_with_placeholders():
     mistake = find_script_error(Outcome("SUCCESS", then="by_{self} = = 1"), ["self"])
     assert mistake is not None
     part, text, error = mistake
     assert (part, text[error.start : error.end]) == ("then", "=")
 
 
-def test_nodes_of_one_name_get_identifiers_of_their_own():
+def test_nodes_with_equal_identifiers_get_unique_ones():
     identifiers = Identifiers()
     assert [identifiers.make_unique(name) for name in ("Look!", "Look?", "Über 9")] == [
         "Look_",
@@ -160,7 +164,7 @@ def test_nodes_of_one_name_get_identifiers_of_their_own():
     ]
 
 
-def test_what_is_usual_is_the_first_answer_that_is_an_end():
+def test_nominal_outcome_is_first_final_one():
     running, failure, success = Outcome("RUNNING"), Outcome("FAILURE"), Outcome("SUCCESS")
     assert nominal([running, failure, success]) is failure
     assert nominal([running]) is running
@@ -169,11 +173,11 @@ def test_what_is_usual_is_the_first_answer_that_is_an_end():
 @pytest.mark.parametrize(
     "spec", [spec for spec in default_registry() if spec.kind.is_leaf], ids=lambda spec: spec.tag
 )
-def test_every_outcome_of_a_registered_leaf_is_among_its_answers(spec):
+def test_outcomes_of_installed_leaf_have_exactly_its_statuses(spec):
     assert {answer.status for answer in spec.outcomes} == (spec.statuses or {"SUCCESS", "FAILURE", "RUNNING"})
 
 
-def test_a_port_that_has_another_value_in_every_tick_stands_for_nothing():
+def test_input_port_is_no_placeholder():
     class Watching(Behaviour):
         """A leaf.
 
@@ -187,4 +191,4 @@ def test_a_port_that_has_another_value_in_every_tick_stands_for_nothing():
 
     cls = register("Watching", kind=Kind.ACTION, outcomes=[Outcome("SUCCESS", when="{tries} > 1")])
     with pytest.raises(RegistrationError, match=r"unknown placeholder \{tries\} \(known: \{self\}"):
-        used(cls(Watching))
+        resolved_spec(cls(Watching))

@@ -1,4 +1,4 @@
-"""The palette that Groot2 reads."""
+"""Tests of the palette for Groot2."""
 
 import pytest
 
@@ -32,22 +32,22 @@ def models_of(registry):
     return models
 
 
-def test_it_has_every_node_but_those_that_behaviortree_cpp_has(registry):
+def test_palette_has_every_node_missing_in_behaviortree_cpp(registry):
     assert set(models_of(registry).nodes) == set(registry.by_tag()) - BUILT_IN
 
 
-def test_behaviortree_cpp_has_forty_two_nodes_which_are_all_known_here():
+def test_all_42_nodes_of_behaviortree_cpp_are_registered():
     assert len(BUILT_IN) == 42
     assert BUILT_IN - {"SubTree"} <= set(REGISTRY.by_tag())
 
 
-def test_it_contradicts_the_registry_in_nothing(registry):
+def test_palette_is_consistent_with_registry(registry):
     collector = FindingCollector()
     compare_models(models_of(registry), registry, collector)
     assert collector.findings == []
 
 
-def test_every_attribute_is_a_port_of_its_direction_and_type(registry):
+def test_every_attribute_is_port_with_direction_and_type(registry):
     for tag, model in models_of(registry).nodes.items():
         written = {
             parameter.name: parameter
@@ -64,7 +64,7 @@ def test_every_attribute_is_a_port_of_its_direction_and_type(registry):
             assert (read.python if read else None) in (python, str)
 
 
-def test_every_default_is_read_as_the_one_of_the_constructor(registry):
+def test_every_default_converts_to_default_of_constructor(registry):
     for tag, model in models_of(registry).nodes.items():
         for spec in registry.variants(tag):
             for parameter in spec.attributes:
@@ -77,7 +77,7 @@ def test_every_default_is_read_as_the_one_of_the_constructor(registry):
                     assert parameter.value_type.convert(text) == parameter.default
 
 
-def test_a_port_has_what_the_docstring_says_of_it(registry):
+def test_port_has_description_from_docstring(registry):
     text = palette(registry)
     assert 'type="int" default="1">How often.</input_port>' in " ".join(text.split())
     assert '<input_port name="to" type="std::string">The name of a Say node.</input_port>' in text
@@ -88,7 +88,7 @@ def test_a_port_has_what_the_docstring_says_of_it(registry):
     )
 
 
-def test_a_file_whose_leaves_are_not_installed_is_checked_by_it(registry):
+def test_palette_is_used_to_check_leaves_that_are_not_installed(registry):
     described = parse_xml(palette(registry))
     body = '<Sequence><Say message="hi" times="often"/><Sey/></Sequence>'
     findings = check(forest(body), REGISTRY, [described])

@@ -1,4 +1,4 @@
-"""Ports: literals, keys, and keys that nodes share."""
+"""Tests of ports: literals, keys, and keys that nodes share."""
 
 import enum
 import math
@@ -87,13 +87,13 @@ REGISTRY = Registry(
 )
 
 
-def made(body, parameters=None):
-    """Return the behaviours of a tree by their names."""
+def compiled_nodes(body, parameters=None):
+    """Return the behaviours of a compiled tree by name, and the tree under the empty name."""
     tree = compile_tree(bind_main(forest(body), REGISTRY), {}, parameters or {})
     return {node.name: node for node in tree.root.iterate()} | {"": tree}
 
 
-def found(body):
+def locate_findings(body):
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in errors(forest(body), REGISTRY)]
 
 
@@ -124,9 +124,9 @@ def found(body):
         ("""thing='json:{"x": [1, 2.5, null]}'""", {"x": [1, 2.5, None]}),
     ],
 )
-def test_a_literal_has_the_type_of_its_port(written, value):
-    assert found(f"<Read {written}/>") == []
-    port = made(f"<Read {written}/>")["Read"].ports[written.split("=")[0]]
+def test_literal_is_converted_to_type_of_port(written, value):
+    assert locate_findings(f"<Read {written}/>") == []
+    port = compiled_nodes(f"<Read {written}/>")["Read"].ports[written.split("=")[0]]
     assert port.get() == value
     assert port.entry is None
 
@@ -147,43 +147,45 @@ def test_a_literal_has_the_type_of_its_port(written, value):
         ('thing="json:' + "[" * 100_000 + '"', None),
     ],
 )
-def test_a_literal_that_does_not_fit_is_a_finding_at_the_value(written, suggestion):
-    ((code, line, column, suggested),) = found(f"<Read {written}/>")
+def test_unsuitable_literal_is_located(written, suggestion):
+    ((code, line, column, suggested),) = locate_findings(f"<Read {written}/>")
     assert (code, line, column) == ("wrong-value", 3, len("<Read ") + written.index('"') + 2)
     assert suggested == suggestion
 
 
-def test_a_port_for_real_numbers_takes_what_is_none():
-    assert math.isnan(made('<Read number="nan"/>')["Read"].ports["number"].get())
+def test_float_port_accepts_nan():
+    assert math.isnan(compiled_nodes('<Read number="nan"/>')["Read"].ports["number"].get())
 
 
 @pytest.mark.parametrize("written", ["inf", "-inf", "nan"])
-def test_what_is_no_port_must_be_finite(written):
-    assert found(f'<Timeout duration="{written}"><Read/></Timeout>') == [("wrong-value", 3, 20, None)]
+def test_attribute_that_is_no_port_must_be_finite(written):
+    assert locate_findings(f'<Timeout duration="{written}"><Read/></Timeout>') == [
+        ("wrong-value", 3, 20, None)
+    ]
 
 
-def test_an_item_of_a_list_that_does_not_fit_is_a_finding_at_the_item():
-    ((code, line, column, _),) = found('<Read numbers="1;two;3"/>')
+def test_unsuitable_item_of_list_is_located():
+    ((code, line, column, _),) = locate_findings('<Read numbers="1;two;3"/>')
     assert (code, line, column) == ("wrong-value", 3, len('<Read numbers="1;') + 1)
 
 
 @pytest.mark.parametrize("written", ["{heard}", " {heard} ", "{=}", "="])
-def test_a_key_is_written_in_braces_or_left_to_the_name_of_the_port(written):
+def test_key_is_written_in_braces_or_defaults_to_port_name(written):
     key = "heard" if "heard" in written else "text"
-    nodes = made(f'<Sequence><Write to="{{{key}}}"/><Read text="{written}"/></Sequence>')
+    nodes = compiled_nodes(f'<Sequence><Write to="{{{key}}}"/><Read text="{written}"/></Sequence>')
     nodes["Write"].to.set("hello")
     assert nodes["Read"].ports["text"].get() == "hello"
 
 
-def test_spaces_in_the_braces_belong_to_the_key():
-    nodes = made('<Sequence><Write to="{ a }"/><Read text="{a}"/></Sequence>')
+def test_spaces_in_braces_belong_to_key():
+    nodes = compiled_nodes('<Sequence><Write to="{ a }"/><Read text="{a}"/></Sequence>')
     nodes["Write"].to.set("hello")
     with pytest.raises(PortError, match="the key 'a' has no value"):
         nodes["Read"].ports["text"].get()
 
 
-def test_a_key_that_nobody_has_written_is_an_error_that_names_it_or_the_default_given():
-    port = made('<Read number="{speed}"/>')["Read"].ports["number"]
+def test_unwritten_key_gives_default_or_raises_error_with_key():
+    port = compiled_nodes('<Read number="{speed}"/>')["Read"].ports["number"]
     assert port.get(0.5) == 0.5
     with pytest.raises(PortError, match=r"number: \{speed\}: the key 'speed' has no value"):
         port.get()
@@ -214,8 +216,8 @@ def test_a_key_that_nobody_has_written_is_an_error_that_names_it_or_the_default_
         ("thing", None, None),
     ],
 )
-def test_what_a_key_holds_is_converted_when_it_is_read(port, held, value):
-    node = made(f'<Read {port}="{{k}}"/>', {"k": None})["Read"]
+def test_value_of_key_is_converted_when_read(port, held, value):
+    node = compiled_nodes(f'<Read {port}="{{k}}"/>', {"k": None})["Read"]
     node.ports[port].entry.write(held)
     assert node.ports[port].get() == value
     assert type(node.ports[port].get()) is type(value)
@@ -243,8 +245,8 @@ def test_what_a_key_holds_is_converted_when_it_is_read(port, held, value):
         ("text", [1]),
     ],
 )
-def test_what_does_not_fit_whole_is_an_error_that_names_port_and_key(port, held):
-    node = made(f'<Read {port}="{{k}}"/>')["Read"]
+def test_unsuitable_value_of_key_raises_error_with_port_and_key(port, held):
+    node = compiled_nodes(f'<Read {port}="{{k}}"/>')["Read"]
     node.ports[port].entry.write(held)
     with pytest.raises(PortError, match=rf"{port}: \{{k\}}: "):
         node.ports[port].get()
@@ -265,7 +267,7 @@ VALUES = (
     st.sampled_from([int, float, str, bool, Colour, timedelta, list[int], list[str]]),
     VALUES | st.integers(10**300, 10**400),
 )
-def test_any_value_fits_a_type_or_is_refused_in_words(annotation, value):
+def test_any_value_is_converted_or_raises_conversion_error(annotation, value):
     value_type = value_type_of(annotation)
     assert value_type is not None
     assert value_type.python is not None
@@ -277,32 +279,32 @@ def test_any_value_fits_a_type_or_is_refused_in_words(annotation, value):
     assert value_type.fit(fitted) is fitted
 
 
-def test_an_output_must_be_a_key():
-    assert found('<Write to="goal"/>') == [("wrong-value", 3, 12, "{goal}")]
+def test_output_must_be_key():
+    assert locate_findings('<Write to="goal"/>') == [("wrong-value", 3, 12, "{goal}")]
     (finding,) = errors(forest('<Write to="1 m"/>'), REGISTRY)
     assert (finding.suggestion, finding.hint) == (None, 'write to="{key}"')
 
 
-def test_an_inout_port_may_be_a_constant_which_cannot_be_written():
-    node = made('<Write to="{a}" both="3"/>')["Write"]
+def test_inout_port_may_be_constant_that_cannot_be_written():
+    node = compiled_nodes('<Write to="{a}" both="3"/>')["Write"]
     assert node.both.get() == 3
     with pytest.raises(PortError, match="both is a constant"):
         node.both.set(4)
 
 
-def test_an_inout_port_reads_and_writes_one_entry():
-    node = made('<Write to="{a}" both="{a}"/>')["Write"]
+def test_inout_port_reads_and_writes_same_entry():
+    node = compiled_nodes('<Write to="{a}" both="{a}"/>')["Write"]
     node.both.set(4)
     assert node.both.get() == 4
     assert node.both.entry == node.to.entry
 
 
-def test_ports_that_are_not_written_are_left_to_the_constructor():
-    assert made("<Read/>")["Read"].ports["number"] is None
+def test_port_that_is_not_given_has_default_of_constructor():
+    assert compiled_nodes("<Read/>")["Read"].ports["number"] is None
 
 
-def test_a_list_of_the_mission_reaches_an_attribute_that_is_fixed():
-    nodes = made('<Fixed numbers="{@ids}" text="{@who}"/>', {"ids": [4, 5], "who": "me"})
+def test_attribute_that_is_no_port_accepts_mission_parameters():
+    nodes = compiled_nodes('<Fixed numbers="{@ids}" text="{@who}"/>', {"ids": [4, 5], "who": "me"})
     assert (nodes["Fixed"].numbers, nodes["Fixed"].text) == ([4, 5], "me")
 
 
@@ -314,10 +316,12 @@ SHARED = {
 
 
 @pytest.mark.parametrize("name", SHARED)
-def test_a_key_of_two_types_is_a_finding_at_the_second_port(name):
+def test_key_of_two_types_is_reported_at_second_port(name):
     first, second, port = SHARED[name]
     column = second.index("{k}") + 1
-    assert found(f"<Sequence>\n{first}\n{second}</Sequence>") == [("key-of-two-types", 5, column, None)]
+    assert locate_findings(f"<Sequence>\n{first}\n{second}</Sequence>") == [
+        ("key-of-two-types", 5, column, None)
+    ]
     (finding,) = errors(forest(f"<Sequence>\n{first}\n{second}</Sequence>"), REGISTRY)
     assert finding.message.startswith(f"{port}: 'k' is ")
     assert "(line 4)" in finding.message
@@ -331,27 +335,27 @@ def test_a_key_of_two_types_is_a_finding_at_the_second_port(name):
         '<Sequence><Read count="{k}"/><Read number="{K}"/></Sequence>',
     ],
 )
-def test_texts_and_anything_share_a_key_with_every_type(body):
-    assert found(body) == []
+def test_strings_and_untyped_ports_may_share_key_with_any_type(body):
+    assert locate_findings(body) == []
 
 
-def in_two_files(outer, inner):
+def file_with_two_trees(outer, inner):
     return forest_of(
         f'<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">{outer}</BehaviorTree>\n'
         f'<BehaviorTree ID="B">{inner}</BehaviorTree></root>'
     )
 
 
-def test_the_type_of_a_key_is_followed_into_subtrees():
+def test_type_of_key_is_tracked_into_subtrees():
     outer = '<Sequence><Read count="{k}"/><SubTree ID="B" x="{k}"/></Sequence>'
-    (finding,) = errors(in_two_files(outer, '<Read number="{x}"/>'), REGISTRY)
+    (finding,) = errors(file_with_two_trees(outer, '<Read number="{x}"/>'), REGISTRY)
     assert (finding.code, finding.span.line) == ("key-of-two-types", 3)
     assert "(line 2)" in finding.message
 
 
-def test_keys_of_subtrees_that_nobody_passes_on_are_their_own():
+def test_keys_of_subtree_are_separate_unless_remapped():
     outer = '<Sequence><Read count="{k}"/><SubTree ID="B"/></Sequence>'
-    assert errors(in_two_files(outer, '<Read number="{k}"/>'), REGISTRY) == []
+    assert errors(file_with_two_trees(outer, '<Read number="{k}"/>'), REGISTRY) == []
 
 
 @pytest.mark.parametrize(
@@ -370,11 +374,11 @@ def test_keys_of_subtrees_that_nobody_passes_on_are_their_own():
         ("1e999", "1e999"),
     ],
 )
-def test_a_constant_for_a_subtree_is_a_number_where_all_of_it_is_one(text, value):
+def test_constant_for_subtree_is_number_if_whole_text_is_number(text, value):
     assert literal_value(text) == value
     assert type(literal_value(text)) is type(value)
 
 
-def test_a_preview_needs_no_value_for_any_key():
+def test_preview_needs_no_values_of_keys():
     body = '<Sequence><Read number="{a}" thing="{b}"/><Fixed text="{@c}" numbers="{d}"/></Sequence>'
     assert preview_tree(bind_main(forest_of(document(body)), REGISTRY)).root.name == "Sequence"

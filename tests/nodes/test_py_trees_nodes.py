@@ -1,4 +1,4 @@
-"""py_trees' own decorators and leaves in a tree file: the stock classes, working on the tree's keys and clock."""
+"""Tests of py_trees' decorators and leaves in tree files, which use the keys and the clock of the tree."""
 
 import gc
 import operator
@@ -30,7 +30,7 @@ since_2_4 = pytest.mark.skipif(bool(LACKING), reason=f"this py_trees does not ha
 before_2_4 = pytest.mark.skipif(not LACKING, reason="this py_trees has all of them")
 
 
-def compiled(body, clock=None, parameters=None, trees=""):
+def compile_body(body, clock=None, parameters=None, trees=""):
     text = document(body).replace("</root>", f"{trees}</root>")
     forest = forest_of(text.replace("<root ", '<root main_tree_to_execute="Main" ') if trees else text)
     assert [finding.render() for finding in errors(forest, default_registry())] == []
@@ -39,7 +39,7 @@ def compiled(body, clock=None, parameters=None, trees=""):
     )
 
 
-def ticked(tree, times):
+def tick_statuses(tree, times):
     statuses = []
     for _ in range(times):
         tree.root.tick_once()
@@ -48,11 +48,11 @@ def ticked(tree, times):
 
 
 def ticks(body, times, **options):
-    return ticked(compiled(body, **options), times)
+    return tick_statuses(compile_body(body, **options), times)
 
 
 def findings(body):
-    """Return what keeps a tree from being made, by the checks or by the compiler."""
+    """Return the findings of the checks, or else of the compiler."""
     forest = forest_of(document(body))
     found = errors(forest, default_registry())
     if not found:
@@ -70,8 +70,8 @@ def queue(statuses, name="Queue"):
     return f'<StatusQueue name="{name}" queue="{statuses}"/>'
 
 
-# What is written, the class it becomes, and what the node then has.
-WRITTEN: dict[str, tuple[str, Any, dict[str, Any]]] = {
+# By tag: the XML, the class of the node, and some of its attributes.
+EXAMPLES: dict[str, tuple[str, Any, dict[str, Any]]] = {
     "OneShot": (
         '<OneShot policy="ON_COMPLETION"><Success/></OneShot>',
         decorators.OneShot,
@@ -179,23 +179,23 @@ WRITTEN: dict[str, tuple[str, Any, dict[str, Any]]] = {
 }
 
 
-def test_every_node_has_its_line_in_the_table():
-    assert set(WRITTEN) == set(SPECS)
+def test_every_py_trees_node_is_in_table():
+    assert set(EXAMPLES) == set(SPECS)
 
 
-@pytest.mark.parametrize("tag", sorted(set(WRITTEN) - set(LACKING)))
-def test_a_tag_becomes_the_stock_class_with_the_arguments_written(tag):
-    body, cls, wanted = WRITTEN[tag]
-    tree = compiled(body)
+@pytest.mark.parametrize("tag", sorted(set(EXAMPLES) - set(LACKING)))
+def test_tag_becomes_py_trees_class_with_given_arguments(tag):
+    body, cls, wanted = EXAMPLES[tag]
+    tree = compile_body(body)
     assert type(tree.root) is cls
     for name, value in wanted.items():
-        # Each tree of a process has another prefix on its keys.
+        # Each tree of a process has its own prefix for keys.
         mine = value.replace("/Main", tree.board.prefix) if isinstance(value, str) else value
         assert operator.attrgetter(name)(tree.root) == mine
 
 
-@pytest.mark.parametrize("tag", sorted(WRITTEN))
-def test_a_node_says_what_it_does_what_it_takes_and_how_it_can_end(tag):
+@pytest.mark.parametrize("tag", sorted(EXAMPLES))
+def test_spec_describes_node_attributes_and_statuses(tag):
     spec = SPECS[tag]
     assert spec.doc.endswith(".")
     assert all(parameter.doc for parameter in spec.attributes)
@@ -231,30 +231,30 @@ def test_a_node_says_what_it_does_what_it_takes_and_how_it_can_end(tag):
         (f'<OneShot policy="ON_COMPLETION">{queue("RUNNING;FAILURE;SUCCESS")}</OneShot>', [R, F, F, F]),
     ],
 )
-def test_a_node_behaves_as_py_trees_has_it(body, statuses):
+def test_node_behaves_as_in_py_trees(body, statuses):
     assert ticks(body, len(statuses)) == statuses
 
 
 # --- time ---
 
 
-def test_a_timer_runs_on_the_clock_of_the_mission():
+def test_timer_uses_clock_of_mission():
     clock = ManualClock(100.0)
-    tree = compiled('<Timer duration="2"/>', clock)
-    assert ticked(tree, 2) == [R, R]
+    tree = compile_body('<Timer duration="2"/>', clock)
+    assert tick_statuses(tree, 2) == [R, R]
     clock.advance(1.9)
-    assert ticked(tree, 1) == [R]
+    assert tick_statuses(tree, 1) == [R]
     clock.advance(0.2)
-    assert ticked(tree, 2) == [S, R], "it begins again when it is started again"
+    assert tick_statuses(tree, 2) == [S, R], "it begins again when it is started again"
 
 
 @pytest.mark.parametrize("duration", ["0", "-1"])
-def test_a_timer_without_time_succeeds_at_once(duration):
+def test_timer_with_zero_or_negative_duration_succeeds_immediately(duration):
     assert ticks(f'<Timer duration="{duration}"/>', 2) == [S, S]
 
 
-def test_a_timer_waits_five_seconds_where_nothing_is_written():
-    assert compiled("<Timer/>").root.duration == 5.0
+def test_default_duration_of_timer_is_five_seconds():
+    assert compile_body("<Timer/>").root.duration == 5.0
 
 
 # --- keys ---
@@ -266,42 +266,42 @@ SET_X = '<SetBlackboardVariable variable_name="x" variable_value="{value}"/>'
     ("text", "value"),
     [("7", 7), ("2.5", 2.5), ("true", True), ("red", "red"), ("json:[1, null]", [1, None]), ("", "")],
 )
-def test_a_written_value_is_a_number_a_truth_value_a_text_or_json(text, value):
-    tree = compiled(f"<SetBlackboardVariable variable_name='x' variable_value='{text}'/>")
-    assert ticked(tree, 1) == [S]
+def test_literal_value_is_number_bool_string_or_json(text, value):
+    tree = compile_body(f"<SetBlackboardVariable variable_name='x' variable_value='{text}'/>")
+    assert tick_statuses(tree, 1) == [S]
     assert key(tree, "x").read() == value
     assert type(key(tree, "x").read()) is type(value)
 
 
-def test_the_value_of_another_key_is_read_when_the_node_is_ticked():
-    tree = compiled('<SetBlackboardVariable variable_name="x" variable_value="{y}"/>')
+def test_value_of_other_key_is_read_when_node_is_ticked():
+    tree = compile_body('<SetBlackboardVariable variable_name="x" variable_value="{y}"/>')
     for value in (1, "two"):
         key(tree, "y").write(value)
-        ticked(tree, 1)
+        tick_statuses(tree, 1)
         assert key(tree, "x").read() == value
 
 
-def test_a_key_that_is_not_to_be_overwritten_stays_as_it_is():
-    tree = compiled('<SetBlackboardVariable variable_name="x" variable_value="1" overwrite="false"/>')
-    assert ticked(tree, 2) == [S, F]
+def test_existing_key_is_kept_if_overwrite_is_false():
+    tree = compile_body('<SetBlackboardVariable variable_name="x" variable_value="1" overwrite="false"/>')
+    assert tick_statuses(tree, 2) == [S, F]
     assert key(tree, "x").stamp == 1
 
 
-def test_two_trees_in_a_process_do_not_see_each_others_keys():
-    first, second = compiled(SET_X.format(value=1)), compiled(SET_X.format(value=2))
-    ticked(first, 1)
+def test_two_trees_in_one_process_share_no_keys():
+    first, second = compile_body(SET_X.format(value=1)), compile_body(SET_X.format(value=2))
+    tick_statuses(first, 1)
     assert not key(second, "x").exists
-    ticked(second, 1)
+    tick_statuses(second, 1)
     assert (key(first, "x").read(), key(second, "x").read()) == (1, 2)
 
 
-def test_a_tree_leaves_nothing_on_the_blackboard_that_others_would_see():
-    ticked(compiled(SET_X.format(value=1)), 1)
+def test_tree_writes_no_keys_without_its_prefix():
+    tick_statuses(compile_body(SET_X.format(value=1)), 1)
     assert "/x" not in Blackboard.storage
     assert "/x" not in Blackboard.metadata
 
 
-def test_a_key_goes_from_a_stock_node_to_a_script_and_back():
+def test_py_trees_nodes_and_scripts_share_keys():
     body = (
         '<Sequence><SetBlackboardVariable variable_name="x" variable_value="2"/><Script code="x *= 3"/>'
         '<CheckBlackboardVariableValue variable="x" operator="eq" value="6"/></Sequence>'
@@ -310,7 +310,7 @@ def test_a_key_goes_from_a_stock_node_to_a_script_and_back():
 
 
 @pytest.mark.parametrize("name", ["name", "read", "id", "set", "x"])
-def test_a_key_may_have_the_name_of_something_that_a_client_has(name):
+def test_key_may_be_named_like_attribute_of_client(name):
     body = (
         f'<Sequence><SetBlackboardVariable variable_name="{name}" variable_value="2"/>'
         f'<CheckBlackboardVariableValue variable="{name}" operator="eq" value="2"/></Sequence>'
@@ -327,56 +327,56 @@ SUBTREE = (
 )
 
 
-def test_keys_in_a_subtree_are_its_own_unless_it_is_given_another_one():
-    tree = compiled('<SubTree ID="Inner" name="Inner.v2" goal="{target}"/>', trees=SUBTREE)
-    assert ticked(tree, 1) == [S]
+def test_keys_of_subtree_are_separate_unless_remapped():
+    tree = compile_body('<SubTree ID="Inner" name="Inner.v2" goal="{target}"/>', trees=SUBTREE)
+    assert tick_statuses(tree, 1) == [S]
     assert key(tree, "target").read() == 5
     assert not key(tree, "own").exists
 
 
-def test_a_dot_in_the_name_of_a_tree_is_no_attribute_of_an_object():
+def test_dot_in_tree_name_does_not_access_attribute():
     text = document(SET_X.format(value=3)).replace('"Main"', '"Main.v2"')
     tree = compile_tree(bind_main(forest_of(text), default_registry()), {}, {})
-    assert ticked(tree, 1) == [S]
+    assert tick_statuses(tree, 1) == [S]
     assert key(tree, "x").read() == 3
 
 
-def test_a_dot_in_a_key_is_an_attribute_of_the_object_in_it():
-    tree = compiled(
+def test_dot_in_key_accesses_attribute_of_object():
+    tree = compile_body(
         '<Sequence><SetBlackboardVariable variable_name="battery.percentage" variable_value="20"/>'
         '<CheckBlackboardVariableValue variable="{battery.percentage}" operator="le" value="20"/></Sequence>'
     )
     battery = SimpleNamespace(percentage=80)
     key(tree, "battery").write(battery)
-    assert ticked(tree, 1) == [S]
+    assert tick_statuses(tree, 1) == [S]
     assert battery.percentage == 20
     assert key(tree, "battery").stamp == 2
 
 
-def test_a_parameter_of_the_mission_is_a_key_of_the_root():
+def test_mission_parameter_is_key_of_root():
     body = '<CheckBlackboardVariableValue variable="{@speed}" operator="gt" value="1"/>'
     assert ticks(body, 1, parameters={"speed": 1.5}) == [S]
 
 
-def test_removing_a_key_takes_it_off_the_blackboard():
-    tree = compiled('<UnsetBlackboardVariable key="x"/>')
+def test_unset_key_is_removed_from_blackboard():
+    tree = compile_body('<UnsetBlackboardVariable key="x"/>')
     key(tree, "x").write(1)
-    assert ticked(tree, 2) == [S, S]
+    assert tick_statuses(tree, 2) == [S, S]
     assert not key(tree, "x").exists
     assert key(tree, "x").stamp == 0
 
 
-def test_a_write_of_a_stock_node_counts_as_an_update():
-    tree = compiled(
+def test_write_of_py_trees_node_counts_as_update():
+    tree = compile_body(
         '<Sequence><SetBlackboardVariable variable_name="x" variable_value="1"/>'
         '<WasEntryUpdated entry="{x}"/></Sequence>'
     )
-    assert ticked(tree, 3) == [S, S, S]
+    assert tick_statuses(tree, 3) == [S, S, S]
 
 
 @given(st.lists(st.sampled_from(["write", "remove", "keep"]), max_size=8))
-def test_writes_are_counted_and_removals_end_the_count(steps):
-    tree = compiled(
+def test_stamp_counts_writes_since_last_removal(steps):
+    tree = compile_body(
         '<Sequence><SetBlackboardVariable variable_name="x" variable_value="1"/>'
         '<SetBlackboardVariable name="keep" variable_name="x" variable_value="2" overwrite="false"/>'
         '<UnsetBlackboardVariable key="x"/></Sequence>'
@@ -390,9 +390,9 @@ def test_writes_are_counted_and_removals_end_the_count(steps):
         assert key(tree, "x").exists is (count > 0)
 
 
-def test_the_entries_of_a_tree_that_nobody_has_any_more_leave_the_blackboard():
-    tree = compiled(SET_X.format(value=1))
-    ticked(tree, 1)
+def test_garbage_collected_tree_removes_its_entries():
+    tree = compile_body(SET_X.format(value=1))
+    tick_statuses(tree, 1)
     name = key(tree, "x").name
     assert name in Blackboard.storage
     del tree
@@ -406,38 +406,38 @@ def test_the_entries_of_a_tree_that_nobody_has_any_more_leave_the_blackboard():
 @pytest.mark.parametrize(
     ("tag", "missing"), [("CheckBlackboardVariableExists", F), ("WaitForBlackboardVariable", R)]
 )
-def test_a_key_is_asked_for_or_waited_for(tag, missing):
-    tree = compiled(f'<{tag} variable_name="{{goal}}"/>')
-    assert ticked(tree, 1) == [missing]
+def test_missing_key_fails_check_or_is_waited_for(tag, missing):
+    tree = compile_body(f'<{tag} variable_name="{{goal}}"/>')
+    assert tick_statuses(tree, 1) == [missing]
     key(tree, "goal").write(None)
-    assert ticked(tree, 1) == [S]
+    assert tick_statuses(tree, 1) == [S]
 
 
 @pytest.mark.parametrize(
     ("tag", "not_yet"), [("CheckBlackboardVariableValue", F), ("WaitForBlackboardVariableValue", R)]
 )
-def test_a_value_is_compared_in_every_tick(tag, not_yet):
-    tree = compiled(f'<{tag} variable="x" operator="ge" value="2"/>')
-    assert ticked(tree, 1) == [not_yet]
+def test_value_is_compared_in_every_tick(tag, not_yet):
+    tree = compile_body(f'<{tag} variable="x" operator="ge" value="2"/>')
+    assert tick_statuses(tree, 1) == [not_yet]
     for value, status in ((1, not_yet), (2, S), (2.5, S)):
         key(tree, "x").write(value)
-        assert ticked(tree, 1) == [status]
+        assert tick_statuses(tree, 1) == [status]
 
 
 @pytest.mark.parametrize("name", ["eq", "ne", "lt", "le", "gt", "ge"])
 @given(left=st.integers(-3, 3), right=st.integers(-3, 3))
-def test_comparisons_mean_what_they_do_in_python(name, left, right):
-    tree = compiled(f'<CheckBlackboardVariableValue variable="x" operator="{name}" value="{right}"/>')
+def test_comparison_operators_match_python(name, left, right):
+    tree = compile_body(f'<CheckBlackboardVariableValue variable="x" operator="{name}" value="{right}"/>')
     key(tree, "x").write(left)
-    assert ticked(tree, 1) == [S if getattr(operator, name)(left, right) else F]
+    assert tick_statuses(tree, 1) == [S if getattr(operator, name)(left, right) else F]
 
 
-def test_a_value_is_compared_with_what_another_key_holds_now_and_says_so():
-    tree = compiled('<CheckBlackboardVariableValue variable="x" operator="lt" value="{limit}"/>')
+def test_value_is_compared_with_current_value_of_other_key():
+    tree = compile_body('<CheckBlackboardVariableValue variable="x" operator="lt" value="{limit}"/>')
     key(tree, "x").write(4)
     for limit, status in ((3, F), (5, S)):
         key(tree, "limit").write(limit)
-        assert ticked(tree, 1) == [status]
+        assert tick_statuses(tree, 1) == [status]
         assert f"[e: {limit}]" in tree.root.feedback_message
 
 
@@ -453,63 +453,63 @@ def test_a_value_is_compared_with_what_another_key_holds_now_and_says_so():
         ("or", 21, None, F),
     ],
 )
-def test_several_comparisons_are_joined(junction, x, y, status):
+def test_several_comparisons_are_combined(junction, x, y, status):
     checks = "battery gt 20; speed lt 1.5"
-    tree = compiled(f'<CheckBlackboardVariableValues checks="{checks}" operator="{junction}"/>')
+    tree = compile_body(f'<CheckBlackboardVariableValues checks="{checks}" operator="{junction}"/>')
     key(tree, "battery").write(x)
     if y is not None:
         key(tree, "speed").write(y)
-    assert ticked(tree, 1) == [status]
+    assert tick_statuses(tree, 1) == [status]
 
 
-def test_the_results_of_several_comparisons_can_be_had_one_by_one():
+def test_results_of_comparisons_are_written_to_namespace():
     body = '<CheckBlackboardVariableValues checks="x gt 1;y gt 1" operator="or" namespace="{results}"/>'
-    tree = compiled(body)
+    tree = compile_body(body)
     key(tree, "x").write(1)
     key(tree, "y").write(2)
-    assert ticked(tree, 1) == [S]
+    assert tick_statuses(tree, 1) == [S]
     assert [key(tree, f"results/{number}").read() for number in (1, 2)] == [False, True]
     assert key(tree, "results/1").stamp == 1
 
 
 @since_2_4
 def test_two_keys_are_compared():
-    tree = compiled('<CompareBlackboardVariables var1_key="x" var2_key="y" operator="lt"/>')
+    tree = compile_body('<CompareBlackboardVariables var1_key="x" var2_key="y" operator="lt"/>')
     key(tree, "x").write(1)
-    assert ticked(tree, 1) == [F]
+    assert tick_statuses(tree, 1) == [F]
     for value, status in ((1, F), (2, S)):
         key(tree, "y").write(value)
-        assert ticked(tree, 1) == [status]
+        assert tick_statuses(tree, 1) == [status]
 
 
 # --- statuses on the blackboard, guards, loops ---
 
 
-def test_a_status_goes_over_the_blackboard_from_one_node_to_another():
+def test_status_is_passed_between_nodes_by_blackboard():
     body = (
         f'<Parallel policy="SuccessOnAll"><StatusToBlackboard variable_name="how">{queue("RUNNING;FAILURE")}'
         '</StatusToBlackboard><BlackboardToStatus variable_name="how"/></Parallel>'
     )
-    tree = compiled(body)
-    assert ticked(tree, 2) == [R, F]
+    tree = compile_body(body)
+    assert tick_statuses(tree, 2) == [R, F]
     assert [child.status for child in tree.root.children] == [F, F]
     assert key(tree, "how").read() is F
     assert key(tree, "how").stamp == 2
 
 
-def test_a_guard_asks_before_every_tick_and_interrupts_its_child():
-    tree = compiled('<EternalGuard condition="battery &gt; 20"><Running/></EternalGuard>')
+def test_guard_checks_condition_in_every_tick_and_interrupts_child():
+    tree = compile_body('<EternalGuard condition="battery &gt; 20"><Running/></EternalGuard>')
     key(tree, "battery").write(50)
-    assert ticked(tree, 2) == [R, R]
+    assert tick_statuses(tree, 2) == [R, R]
     key(tree, "battery").write(20)
-    assert ticked(tree, 1) == [F]
+    assert tick_statuses(tree, 1) == [F]
     assert tree.root.decorated.status is Status.INVALID
 
 
 @since_2_4
 @given(st.lists(st.integers(), min_size=1, max_size=4))
-def test_a_loop_hands_one_item_after_the_other_to_its_child(items):
-    tree = compiled('<ForEach source_key="zones" target_key="{zone}"><Success/></ForEach>')
+def test_for_each_passes_items_to_child_one_by_one(items):
+    tree = compile_body('<ForEach source_key="zones" target_key="{zone}"><Success/></ForEach>')
     key(tree, "zones").write(items)
     seen = []
     while tree.root.status is not S:
@@ -519,25 +519,25 @@ def test_a_loop_hands_one_item_after_the_other_to_its_child(items):
     assert seen[-1] == len(items)
 
 
-def test_a_parallel_succeeds_with_the_children_that_are_selected():
-    tree = compiled(
+def test_parallel_succeeds_with_selected_children():
+    tree = compile_body(
         '<Parallel policy="SuccessOnSelected" selected="c; a">'
         '<Success name="a"/><Running name="b"/><Success name="c"/></Parallel>'
     )
     assert isinstance(tree.root, composites.Parallel)
     assert isinstance(tree.root.policy, ParallelPolicy.SuccessOnSelected)
     assert [child.name for child in tree.root.policy.children] == ["c", "a"]
-    assert ticked(tree, 1) == [S]
+    assert tick_statuses(tree, 1) == [S]
 
 
-def test_a_selected_child_is_called_as_it_is_written_whatever_is_wrapped_around_it():
-    tree = compiled(
+def test_selected_child_is_found_by_name_despite_wrappers():
+    tree = compile_body(
         '<Parallel policy="SuccessOnSelected" selected="a;b;c">'
         '<Success name="a" oneshot="ON_COMPLETION"/><Success name="b" _failureIf="false"/>'
         '<Success name="c" _onSuccess="n := 1" oneshot="ON_COMPLETION"/></Parallel>'
     )
     assert tree.root.policy.children == tree.root.children
-    assert ticked(tree, 1) == [S]
+    assert tick_statuses(tree, 1) == [S]
 
 
 @pytest.mark.parametrize(
@@ -550,13 +550,13 @@ def test_a_selected_child_is_called_as_it_is_written_whatever_is_wrapped_around_
         ('policy="SuccessOnSelected" selected="Success" synchronise="false"', "SuccessOnSelected", False),
     ],
 )
-def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
-    policy = compiled(f"<Parallel {attributes}><Success/></Parallel>").root.policy
+def test_parallel_has_given_policy(attributes, cls, synchronise):
+    policy = compile_body(f"<Parallel {attributes}><Success/></Parallel>").root.policy
     assert type(policy) is getattr(ParallelPolicy, cls)
     assert policy.synchronise is synchronise
 
 
-# --- mistakes ---
+# --- errors ---
 
 
 @pytest.mark.parametrize(
@@ -687,17 +687,17 @@ def test_a_parallel_has_the_policy_written(attributes, cls, synchronise):
         ),
     ],
 )
-def test_a_mistake_is_a_finding_where_it_stands(body, code, column, said):
+def test_error_is_located(body, code, column, said):
     ((found, line, at, message),) = findings(f"<Sequence>\n{body}\n</Sequence>")
     assert (found, line) == (code, 4)
     assert column in (at, None)
     assert said in message
 
 
-def test_the_decorator_and_the_explicit_form_of_a_leaf_share_the_tag_condition():
+def test_decorator_and_explicit_form_of_leaf_share_tag_condition():
     body = '<Condition status="SUCCESS"><Condition ID="ScriptCondition" code="true"/></Condition>'
     tree = compile_tree(bind_main(forest_of(document(body)), default_registry()), {}, {})
-    assert ticked(tree, 1) == [S]
+    assert tick_statuses(tree, 1) == [S]
     assert type(tree.root) is decorators.Condition
 
 
@@ -722,7 +722,7 @@ SKIPPABLE = '<Success _skipIf="true"/>'
         ('StatusToBlackboard variable_name="how"', "let the child succeed or fail"),
     ],
 )
-def test_a_child_that_can_be_skipped_is_refused_with_what_to_write(tag, advice):
+def test_skippable_child_is_rejected_with_alternative(tag, advice):
     name = tag.split()[0]
     (finding,) = errors(forest_of(document(f"<{tag}>{SKIPPABLE}</{name}>")), default_registry())
     assert (finding.code, finding.span.line, finding.span.column) == ("skip-misread", 3, len(tag) + 3)
@@ -735,13 +735,13 @@ def test_a_child_that_can_be_skipped_is_refused_with_what_to_write(tag, advice):
 
 @before_2_4
 @pytest.mark.parametrize("tag", LACKING)
-def test_what_this_py_trees_does_not_have_yet_is_a_finding_when_the_tree_is_made(tag):
-    ((code, line, column, message),) = findings(WRITTEN[tag][0])
+def test_node_missing_in_old_py_trees_is_reported_at_compilation(tag):
+    ((code, line, column, message),) = findings(EXAMPLES[tag][0])
     assert (code, line, column) == ("constructor-failed", 3, 1)
     assert f"does not have {tag}" in message
     assert "2.4 or later" in message
 
 
-def test_the_schema_has_what_this_py_trees_does_not_have_yet():
+def test_schema_contains_nodes_missing_in_old_py_trees():
     schema = xml_schema(default_registry())
-    assert all(f'<xs:element name="{tag}"' in schema for tag in WRITTEN)
+    assert all(f'<xs:element name="{tag}"' in schema for tag in EXAMPLES)

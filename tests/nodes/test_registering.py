@@ -1,4 +1,4 @@
-"""A leaf's constructor is its manifest."""
+"""Tests of the registration of nodes: their constructors define their attributes."""
 
 import sys
 from dataclasses import dataclass, field
@@ -27,11 +27,11 @@ def spec_of(cls):
     return getattr(cls, MARK)
 
 
-def test_registering_leaves_the_class_as_it_was():
+def test_register_does_not_change_class():
     assert leaves.Say("s", "hi", leaves.Radio("a")).given["message"] == "hi"
 
 
-def test_parameters_get_their_roles_from_their_annotations():
+def test_parameter_roles_come_from_annotations():
     roles = {name: parameter.role for name, parameter in spec_of(leaves.Say).parameters.items()}
     assert roles == {
         "name": ParameterRole.NAME,
@@ -44,16 +44,16 @@ def test_parameters_get_their_roles_from_their_annotations():
     }
 
 
-def test_a_parameter_is_required_where_the_constructor_has_no_default():
+def test_parameter_without_default_is_required():
     required = [name for name, parameter in spec_of(leaves.Say).parameters.items() if parameter.required]
     assert required == ["message", "radio"]
 
 
-def test_a_leaf_may_refer_to_a_class_that_is_defined_after_it():
+def test_leaf_may_reference_class_defined_later():
     assert spec_of(leaves.Say).parameters["after"].target is leaves.Listen
 
 
-def test_descriptions_come_from_the_docstring():
+def test_descriptions_come_from_docstring():
     spec = spec_of(leaves.Say)
     assert spec.doc == "Say something."
     assert spec.parameters["message"].doc == "What to say; it may be long."
@@ -61,64 +61,64 @@ def test_descriptions_come_from_the_docstring():
     assert spec.parameters["service"].doc == ""
 
 
-def test_facts_given_to_register_are_kept():
+def test_arguments_of_register_are_stored():
     spec = spec_of(leaves.Say)
     assert spec.statuses == {"SUCCESS", "FAILURE"}
     assert spec.effects == "speaks"
     assert spec.uses == (Use("service", "{service}"),)
 
 
-def refused(cls, kind=Kind.ACTION):
+def rejection_message(cls, kind=Kind.ACTION):
     with pytest.raises(RegistrationError) as caught:
         Registry([NodeSpec("Tag", cls, kind)]).variants("Tag")
     return str(caught.value)
 
 
-def test_a_parameter_without_an_annotation_is_refused_by_name():
+def test_parameter_without_annotation_is_rejected_by_name():
     class Leaf(Behaviour):
         def __init__(self, name: str, speed) -> None: ...
 
-    assert "parameter 'speed'" in refused(Leaf)
-    assert "no annotation" in refused(Leaf)
+    assert "parameter 'speed'" in rejection_message(Leaf)
+    assert "no annotation" in rejection_message(Leaf)
 
 
-def test_a_parameter_of_a_type_that_cannot_be_written_is_refused_with_what_can():
+def test_parameter_of_unsupported_type_is_rejected_with_alternative():
     class Leaf(Behaviour):
         def __init__(self, name: str, table: dict[str, int]) -> None: ...
 
-    assert "mission_context" in refused(Leaf)
+    assert "mission_context" in rejection_message(Leaf)
 
 
-def test_annotations_that_name_nothing_are_refused():
+def test_unresolvable_annotation_is_rejected():
     class Leaf(Behaviour):
         def __init__(self, name: str, other: "Nowhere") -> None: ...  # type: ignore[name-defined]  # noqa: F821
 
-    assert "cannot be resolved" in refused(Leaf)
+    assert "cannot be resolved" in rejection_message(Leaf)
 
 
-def test_a_leaf_without_a_name_is_refused():
+def test_leaf_without_name_parameter_is_rejected():
     class Leaf(Behaviour):
         def __init__(self) -> None: ...
 
-    assert "no parameter 'name'" in refused(Leaf)
+    assert "no parameter 'name'" in rejection_message(Leaf)
 
 
 @pytest.mark.parametrize(("kind", "wanted"), [(Kind.CONTROL, "children"), (Kind.DECORATOR, "child")])
-def test_a_control_or_decorator_must_take_what_stands_in_it(kind, wanted):
+def test_control_or_decorator_must_accept_children(kind, wanted):
     class Node(Behaviour):
         def __init__(self, name: str) -> None: ...
 
-    assert f"without a parameter '{wanted}'" in refused(Node, kind)
+    assert f"without a parameter '{wanted}'" in rejection_message(Node, kind)
 
 
 @pytest.mark.parametrize("tag", ["M M", "", "2nd", "a:b", "M/", "-m", 3, None])
-def test_a_tag_that_cannot_be_written_in_a_file_is_refused(tag):
+def test_invalid_tag_is_rejected(tag):
     with pytest.raises(RegistrationError, match="a tag is one word of letters"):
         register(tag, kind=Kind.ACTION)
 
 
 @pytest.mark.parametrize("tag", ["M", "_m", "Detect_2", "a-b.c", "Überfahrt"])
-def test_a_tag_is_any_name_of_xml(tag):
+def test_tag_may_be_any_xml_name(tag):
     register(tag, kind=Kind.ACTION)
 
 
@@ -158,26 +158,26 @@ def test_a_tag_is_any_name_of_xml(tag):
         ),
     ],
 )
-def test_an_argument_of_another_type_is_refused_with_what_to_write(arguments, words):
+def test_argument_of_wrong_type_is_rejected_with_remedy(arguments, words):
     with pytest.raises(RegistrationError) as caught:
         register("M", **{"kind": Kind.ACTION, **arguments})
     assert str(caught.value) == words
 
 
-def test_arguments_of_any_name_are_no_attributes():
+def test_variadic_parameters_are_no_attributes():
     class Leaf(Still):
         def __init__(self, name: str, *args: int, **kwargs: int) -> None: ...
 
     assert list(NodeSpec("Leaf", Leaf, Kind.ACTION).parameters) == ["name"]
 
 
-def test_a_module_gives_the_classes_that_carry_the_mark_themselves():
+def test_module_contributes_only_directly_registered_classes():
     registry = Registry()
     registry.add_module(leaves)
     assert [spec.tag for spec in registry] == ["Listen", "Say"]
 
 
-def test_a_class_may_be_found_twice_but_a_tag_has_one_meaning():
+def test_class_may_be_added_twice_but_tag_has_one_class():
     registry = Registry()
     registry.add_module(leaves)
     registry.add_module(leaves)
@@ -191,7 +191,7 @@ def test_a_class_may_be_found_twice_but_a_tag_has_one_meaning():
         registry.add(getattr(Impostor, MARK))
 
 
-def test_the_shipped_leaves_come_in_by_entry_point():
+def test_shipped_leaves_are_loaded_by_entry_point():
     mission = {
         "ZonesRemaining",
         "IsSurvivorDetected",
@@ -206,14 +206,14 @@ def test_the_shipped_leaves_come_in_by_entry_point():
     assert mission <= {spec.tag for spec in default_registry()}
 
 
-def test_every_shipped_node_describes_itself_and_its_outcomes():
+def test_every_shipped_node_has_description_and_statuses():
     for spec in default_registry():
         assert spec.doc, spec.tag
         assert spec.statuses <= {"SUCCESS", "FAILURE", "RUNNING"}, spec.tag
         assert spec.statuses, spec.tag
 
 
-def test_a_module_of_leaves_may_lie_in_the_current_folder(tmp_path, monkeypatch):
+def test_module_of_leaves_may_be_in_current_folder(tmp_path, monkeypatch):
     (tmp_path / "my_leaves_in_a_folder.py").write_text(
         "from tests.nodes.leaves import Say\n", encoding="utf-8"
     )
@@ -223,17 +223,17 @@ def test_a_module_of_leaves_may_lie_in_the_current_folder(tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize("name", ["no_such_module", "tests.nodes.broken_leaves"])
-def test_a_module_that_cannot_be_imported_is_named_with_the_reason(name):
+def test_module_that_cannot_be_imported_is_reported_with_reason(name):
     with pytest.raises(RegistryError, match=rf"'{name}' \(--nodes\) cannot be imported: \w+: "):
         load_registry([name])
 
 
-def test_an_unknown_tag_has_no_spec():
+def test_unknown_tag_has_no_spec_and_typo_has_nearest_tag():
     assert default_registry().get("Nonsense") is None
     assert default_registry().nearest("Sequnce") == "Sequence"
 
 
-def test_the_fields_of_a_dataclass_are_a_constructor_as_any():
+def test_dataclass_fields_are_constructor_parameters():
     @dataclass(eq=False)
     class Call(Still):
         name: str
@@ -249,7 +249,7 @@ def test_the_fields_of_a_dataclass_are_a_constructor_as_any():
     assert (radio.role, radio.required, radio.default) == (ParameterRole.CONTEXT, False, None)
 
 
-def test_a_class_is_marked_as_context_with_or_without_brackets():
+def test_mission_context_works_with_and_without_parentheses():
     @mission_context
     class Bare: ...
 
@@ -265,7 +265,7 @@ def test_a_class_is_marked_as_context_with_or_without_brackets():
     assert preview_of(Previewed) == 7
 
 
-def test_a_description_of_a_parameter_is_that_of_the_nearest_class_that_has_one():
+def test_parameter_description_comes_from_nearest_class_that_has_one():
     class Drive(Still):
         """Drives.
 
@@ -289,12 +289,12 @@ def test_a_description_of_a_parameter_is_that_of_the_nearest_class_that_has_one(
 
 
 @pytest.mark.parametrize("thing", [lambda name: name, type("Loose", (), {})])
-def test_what_is_no_class_of_behaviours_is_refused(thing):
+def test_object_that_is_no_behaviour_class_is_rejected(thing):
     with pytest.raises(RegistrationError, match="is not a behaviour class; derive it from"):
         register("Tag", kind=Kind.ACTION)(thing)
 
 
-def test_a_meaning_in_other_words_than_semantics_is_refused():
+def test_semantics_of_wrong_type_is_rejected():
     with pytest.raises(
         RegistrationError, match=r"semantics is the string 'sequence'; write for example Semantics\.sequence"
     ):
@@ -305,19 +305,19 @@ OWN = load_registry(["tests.analysis.verify.own_controls"])
 
 
 @pytest.mark.parametrize(("children", "codes"), [(1, ["missing-child"]), (2, []), (3, ["too-many-children"])])
-def test_a_control_of_ones_own_has_as_many_children_as_it_says(children, codes):
+def test_user_control_must_have_declared_number_of_children(children, codes):
     body = f"<OwnRecovery>{'<Success/>' * children}</OwnRecovery>"
     assert [each.code for each in check(forest(body), OWN)] == codes
 
 
 @pytest.mark.parametrize("count", [2, (0, 1), (3, 2), (1, "many"), (True, None, 2)])
-def test_a_number_of_children_that_is_none_is_refused(count):
+def test_invalid_child_count_is_rejected(count):
     with pytest.raises(RegistrationError, match=r"child_count is .*; write the minimum and maximum"):
         register("Tag", kind=Kind.CONTROL, child_count=count)
 
 
 @pytest.mark.parametrize("count", [(1, 1), (1, None), (2, 3)])
-def test_a_number_of_children_is_at_least_one(count):
+def test_child_count_of_at_least_one_is_accepted(count):
     @register("Own", kind=Kind.CONTROL, child_count=count)
     class Own(Composite):
         def __init__(self, name: str, children: list[Behaviour]) -> None:
@@ -326,13 +326,13 @@ def test_a_number_of_children_is_at_least_one(count):
     assert spec_of(Own).child_count == count
 
 
-def test_a_number_of_children_is_for_controls():
+def test_child_count_is_rejected_for_decorators():
     with pytest.raises(RegistrationError, match="child_count is allowed only for controls"):
         register("Tag", kind=Kind.DECORATOR, child_count=(1, 1))
 
 
 @pytest.mark.parametrize(("limit", "codes"), [("0", ["short-timeout"]), ("2", [])])
-def test_a_limit_of_ones_own_is_read_off_the_attribute_that_the_meaning_names(limit, codes):
+def test_time_limit_of_user_decorator_is_read_from_declared_attribute(limit, codes):
     body = f"<Sequence><OwnLimit seconds='{limit}'><Sleep msec='5'/></OwnLimit><Success/></Sequence>"
     assert [each.code for each in check(forest(body), OWN)] == codes
 
@@ -344,7 +344,7 @@ def test_a_limit_of_ones_own_is_read_off_the_attribute_that_the_meaning_names(li
         ("OwnGap", "OwnGap returned None. Return an outcome set, for example the set of a child"),
     ],
 )
-def test_a_function_of_the_semantics_that_goes_wrong_is_told_with_its_class_at_the_node(tag, words):
+def test_failing_semantics_function_is_reported_at_node_with_class(tag, words):
     (finding,) = check(forest(f'<{tag} name="Here"><Success/></{tag}>'), OWN)
     place = "the function 'possible' in the semantics of tests.analysis.verify.own_controls."
     assert (finding.code, finding.span.line) == ("faulty-class", 3)

@@ -1,4 +1,4 @@
-"""Leaves by attributes as checks see them: types, fields, values and keys, with and without ROS."""
+"""Tests of the checks of ROS leaves: types, fields, values and keys, with and without ROS."""
 
 from pathlib import Path
 
@@ -15,8 +15,8 @@ from tests.trees import document
 
 BOOL = 'type="std_srvs/srv/SetBool"'
 POSES = 'type="nav2_msgs/action/NavigateThroughPoses"'
-# Each with the code, the part of the line that is marked, and what is said.
-MISTAKES = {
+# By name: the XML, and the code, the marked part and the message of the finding.
+ERRORS = {
     "a field of the request": (f'<RosService service="a" {BOOL} request="dta: true"/>', "wrong-value", "dta", "request: there is no field 'dta'"),
     "a value": (f'<RosService service="a" {BOOL} request="{{data: 5}}"/>', "wrong-value", "5", "request: data is 5, but must be boolean, true or false"),
     "a field of a list's element": (
@@ -32,7 +32,7 @@ MISTAKES = {
     "a type": ('<RosTopic topic="a" type="std_msgs/msg/Strin"/>', "unknown-interface", "std_msgs/msg/Strin", "type: std_msgs/msg/Strin is not installed"),
     "no key for a field": (f'<RosService service="a" {BOOL} field="message"/>', "missing-attribute", "<RosService", "field: add the attribute 'value' with the key to which the field is written"),
 }  # fmt: skip
-ALWAYS = {
+SYNTAX_ERRORS = {
     "no YAML": (f'<RosService service="a" {BOOL} request="data: ["/>', "wrong-value", "[", "request: 'data: [' is not YAML"),
     "an alias": (f'<RosService service="a" {BOOL} request="a: &amp;x [1], b: *x"/>', "wrong-value", "&amp;x [1]", "request: a YAML alias (*) is not allowed here"),
     "a field without its key": (f'<RosAction action="a" {POSES} fields="error_code: 5"/>', "wrong-value", "5", "fields: 'error_code' needs the key to which the field is written"),
@@ -55,30 +55,28 @@ def findings(leaf: str, folder: Path, form: Form = Form.XML) -> list[tuple[str, 
 
 @pytest.mark.ros
 @pytest.mark.parametrize("form", Form)
-@pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_is_found_where_it_stands_if_ros_is_installed(
-    name: str, form: Form, tmp_path: Path
-) -> None:
-    leaf, code, part, said = MISTAKES[name]
+@pytest.mark.parametrize("name", ERRORS)
+def test_error_is_located_if_ros_is_installed(name: str, form: Form, tmp_path: Path) -> None:
+    leaf, code, part, said = ERRORS[name]
     (found,) = findings(leaf, tmp_path, form)
     assert found[:2] == (code, part if form is Form.XML else part.removeprefix("<"))
     assert found[2].startswith(said)
 
 
-@pytest.mark.parametrize("name", MISTAKES)
-def test_nothing_is_said_of_types_and_fields_without_ros(
+@pytest.mark.parametrize("name", ERRORS)
+def test_types_and_fields_are_not_checked_without_ros(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ros_leaves, "is_ros_installed", lambda: False)
-    assert findings(MISTAKES[name][0], tmp_path) == []
+    assert findings(ERRORS[name][0], tmp_path) == []
 
 
-@pytest.mark.parametrize("name", ALWAYS)
-def test_what_is_no_yaml_is_found_without_ros_too(
+@pytest.mark.parametrize("name", SYNTAX_ERRORS)
+def test_syntax_error_is_located_even_without_ros(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ros_leaves, "is_ros_installed", lambda: False)
-    leaf, code, part, said = ALWAYS[name]
+    leaf, code, part, said = SYNTAX_ERRORS[name]
     (found,) = findings(leaf, tmp_path)
     assert found[:2] == (code, part)
     assert found[2].startswith(said)
@@ -86,14 +84,14 @@ def test_what_is_no_yaml_is_found_without_ros_too(
 
 @pytest.mark.ros
 @pytest.mark.parametrize("written", ["no_such_msgs/srv/X", "nav2_msgs/srv/NoSuchService"])
-def test_what_another_computer_may_have_is_a_warning(written: str, tmp_path: Path) -> None:
+def test_interface_that_may_exist_on_other_computer_is_warning(written: str, tmp_path: Path) -> None:
     path = tmp_path / "tree.xml"
     path.write_text(document(f'<RosService service="a" type="{written}"/>'), encoding="utf-8")
     (found,) = load(path, models=["ros:jazzy"]).findings
     assert (found.code, found.severity.value) == ("unknown-interface", "warning")
 
 
-def test_keys_within_the_yaml_are_read_and_written_as_those_of_ports(tmp_path: Path) -> None:
+def test_keys_within_yaml_are_checked_like_those_of_ports(tmp_path: Path) -> None:
     unwritten = f'<RosService service="a" {BOOL} request="data: {{on}}"/>'
     assert [each[:2] for each in findings(unwritten, tmp_path)] == [("unwritten-key", "on")]
     written = f'<RosTopic topic="b" type="std_msgs/msg/Bool" fields="data: {{on}}"/>{unwritten}'
@@ -105,7 +103,7 @@ def test_keys_within_the_yaml_are_read_and_written_as_those_of_ports(tmp_path: P
     assert [each[:2] for each in findings(misspelt, tmp_path)] == [("unwritten-key", "lmap")]
 
 
-def test_a_subtree_reads_the_keys_that_it_is_passed(tmp_path: Path) -> None:
+def test_subtree_reads_passed_keys(tmp_path: Path) -> None:
     path = tmp_path / "tree.xml"
     inner = f'<RosService service="{{which}}" {BOOL} request="data: {{on}}"/>'
     path.write_text(
@@ -118,7 +116,7 @@ def test_a_subtree_reads_the_keys_that_it_is_passed(tmp_path: Path) -> None:
     assert [each.code for each in tree.findings] == []
 
 
-def test_a_server_whose_name_is_known_at_the_start_is_waited_for_and_no_other(tmp_path: Path) -> None:
+def test_uses_contain_only_servers_whose_name_is_known_at_start(tmp_path: Path) -> None:
     path = tmp_path / "tree.xml"
     leaf = '<RosService service="{where}" type="std_srvs/srv/Trigger"/>'
     path.write_text(document(f"<Sequence><Script code=\"where := 'a'\"/>{leaf}</Sequence>"), encoding="utf-8")
@@ -128,14 +126,14 @@ def test_a_server_whose_name_is_known_at_the_start_is_waited_for_and_no_other(tm
     assert (use.kind, use.name) == ("service", "switch")
 
 
-def test_a_key_in_braces_is_the_whole_request_and_braces_around_fields_are_yaml(tmp_path: Path) -> None:
+def test_request_in_braces_is_key_unless_it_contains_fields(tmp_path: Path) -> None:
     key = f'<RosTopic topic="b" type="std_msgs/msg/Bool" value="{{on}}"/><RosService service="a" {BOOL} request="{{on}}"/>'
     assert findings(key, tmp_path) == []
     (found,) = findings(f'<RosService service="a" {BOOL} request="{{data: [}}"/>', tmp_path)
     assert "is not YAML" in found[2]
 
 
-def test_a_simulated_run_says_which_leaf_writes_a_key_that_it_reads(tmp_path: Path) -> None:
+def test_simulation_error_names_leaf_that_writes_missing_key(tmp_path: Path) -> None:
     path = tmp_path / "tree.xml"
     leaf = f'<RosAction name="Go" action="a" {POSES} fields="error_code: {{code}}"/>'
     path.write_text(

@@ -1,4 +1,4 @@
-"""What the records say of decorators beside their outcomes, held against what the decorators do."""
+"""Tests that the semantics of decorators in their specs match their behaviour."""
 
 import math
 from collections.abc import Iterator
@@ -22,12 +22,12 @@ FORMS = [form for form in forms() if form.spec.kind is Kind.DECORATOR and not fo
 SPECS = {form.spec.tag + (" of py_trees" if form.spec.variant else ""): form.spec for form in FORMS}
 TICKS = 6
 RUN_ON = ("Condition", "SuccessIsRunning", "FailureIsRunning", "Loop")
-"""Those that run although their child has ended, and say nothing of it in `repeats`."""
+"""Decorators that keep running after their child has ended, without declaring it in `repeats`."""
 A_LONG_TIME = 10_000.0
 
 
 class Puppet(Behaviour):
-    """A child that answers what the test wants.
+    """A child that returns the status that the test sets.
 
     Args:
         name: Its name.
@@ -54,7 +54,7 @@ REGISTRY = Registry(
 
 
 class Stage:
-    """A decorator around a puppet that always answers the same, with a clock that is moved by hand."""
+    """A decorator around a puppet that always returns the same status, with a manual clock."""
 
     def __init__(self, form, answer: int) -> None:
         leaf = "SkippingPuppet" if answer == K else "Puppet"
@@ -70,14 +70,14 @@ class Stage:
         return self.binding.main.root
 
     def tick(self) -> tuple[int, int]:
-        """Return what the decorator answers, and how often it has ticked the child."""
+        """Tick the decorator, and return its outcome and the number of ticks of the child."""
         before = Puppet.ticks
         for _ in self.root.tick():
             pass
         return K if was_skipped(self.root) else bit_of(self.root.status), Puppet.ticks - before
 
     def until_it_ends(self) -> Iterator[tuple[int, int]]:
-        """Yield the result of every tick, with much time between them, until it does not run any more."""
+        """Yield the result of every tick, with a long time between them, until the decorator has ended."""
         for _ in range(TICKS):
             answered, ticks = self.tick()
             yield answered, ticks
@@ -87,13 +87,13 @@ class Stage:
 
     @property
     def is_done_at_once(self) -> bool:
-        """Whether there are to be no rounds at all."""
+        """Whether the declared number of rounds is zero."""
         rounds = self.bound.spec.semantics.rounds
         return rounds is not None and rounds(self.bound) == 0
 
 
 def stage_of(form, answer: int) -> Stage | None:
-    """Return a stage; None for py_trees' own decorators around what is skipped, which they take for an interruption."""
+    """Return a stage, or None for a decorator of py_trees with a skipped child, which it would treat as interrupted."""
     try:
         return Stage(form, answer)
     except TreeError:
@@ -102,7 +102,7 @@ def stage_of(form, answer: int) -> Stage | None:
 
 
 def stages(tag: str, results=RESULTS):
-    """Yield every way to write a decorator, around a child that gives one answer."""
+    """Yield a stage for every form of a decorator and every status of its child."""
     for form in FORMS:
         if form.spec is not SPECS[tag]:
             continue
@@ -116,7 +116,7 @@ def semantics_of(tag: str):
 
 
 @pytest.mark.parametrize("tag", SPECS)
-def test_a_steady_decorator_and_no_other_ends_only_when_it_has_ticked_its_child(tag):
+def test_decorator_is_steady_if_it_ends_only_after_ticking_child(tag):
     unticked = [
         answered
         for _, stage in stages(tag)
@@ -127,20 +127,20 @@ def test_a_steady_decorator_and_no_other_ends_only_when_it_has_ticked_its_child(
 
 
 @pytest.mark.parametrize("tag", [tag for tag in SPECS if semantics_of(tag).steady and tag != "Condition"])
-def test_what_a_steady_decorator_changes_is_what_it_does_not_pass_on(tag):
-    """Condition passes on nothing: it says whether an answer was the one it waits for."""
+def test_changes_of_steady_decorator_are_outcomes_that_it_does_not_return(tag):
+    """Condition is left out, because it does not return its child's outcome, but whether it is the expected one."""
     changed = 0
     for answer, stage in stages(tag):
         is_begun = False
         for answered, ticks in stage.until_it_ends():
             is_begun = is_begun or ticks > 0
             changed |= answer if is_begun and answered != answer else 0
-    # Whether what is skipped is passed on is the business of the outcome sets.
+    # The outcome sets define whether a skip is passed on.
     assert changed & ~K == semantics_of(tag).changes & ~K
 
 
 @pytest.mark.parametrize("tag", [tag for tag in SPECS if semantics_of(tag).rounds is not None])
-def test_a_decorator_that_counts_begins_again_after_one_end_as_often_as_it_says(tag):
+def test_counting_decorator_starts_child_as_often_as_declared(tag):
     means = semantics_of(tag)
     for answer, stage in stages(tag, (S, F)):
         begun = sum(ticks for _, ticks in stage.until_it_ends())
@@ -150,7 +150,7 @@ def test_a_decorator_that_counts_begins_again_after_one_end_as_often_as_it_says(
 
 
 @pytest.mark.parametrize("tag", [tag for tag in SPECS if not tag.startswith(RUN_ON)])
-def test_whoever_begins_its_child_again_after_an_end_says_so_and_counts(tag):
+def test_decorator_that_restarts_ended_child_declares_it_and_counts(tag):
     means = semantics_of(tag)
     again = 0
     for answer, stage in stages(tag, (S, F)):
@@ -160,13 +160,13 @@ def test_whoever_begins_its_child_again_after_an_end_says_so_and_counts(tag):
 
 
 @pytest.mark.parametrize("tag", SPECS)
-def test_what_is_done_once_is_done_once_in_the_whole_run(tag):
+def test_decorator_is_once_if_it_executes_child_only_once_in_run(tag):
     most = max(sum(stage.tick()[1] for _ in range(TICKS)) for _, stage in stages(tag, (S,)))
     assert semantics_of(tag).once is (most == 1)
 
 
 @pytest.mark.parametrize("tag", SPECS)
-def test_a_child_may_run_as_long_as_its_limit_says_and_no_longer(tag):
+def test_child_may_run_until_declared_time_limit_and_no_longer(tag):
     for _, stage in stages(tag, (R,)):
         limit = semantics_of(tag).limit_sec
         seconds = math.inf if limit is None else limit(stage.bound)

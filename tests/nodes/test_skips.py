@@ -1,4 +1,4 @@
-"""Which classes a tree is made of: stock ones where nobody can be skipped, the project's where somebody can."""
+"""Tests of the classes of nodes: py_trees' class if no child can be skipped, else the class of this package."""
 
 import py_trees
 import pytest
@@ -39,12 +39,12 @@ def all_of(body):
 
 
 @pytest.mark.parametrize(("tag", "plain", "skipping"), PAIRS)
-def test_a_node_is_stock_where_no_child_can_be_skipped(tag, plain, skipping):
+def test_py_trees_class_is_used_if_no_child_can_be_skipped(tag, plain, skipping):
     assert type(root(f"<{tag}><Success/></{tag}>")) is plain
 
 
 @pytest.mark.parametrize(("tag", "plain", "skipping"), PAIRS)
-def test_a_node_is_the_projects_own_where_a_child_can_be_skipped(tag, plain, skipping):
+def test_own_class_is_used_if_child_can_be_skipped(tag, plain, skipping):
     assert type(root(f"<{tag}>{SKIPPED}</{tag}>")) is skipping
 
 
@@ -60,7 +60,7 @@ def test_a_node_is_the_projects_own_where_a_child_can_be_skipped(tag, plain, ski
         f'<Parallel success_count="1" failure_count="1">{SKIPPED}</Parallel>',
     ],
 )
-def test_what_can_be_skipped_is_known_through_the_nodes_between(child):
+def test_skippable_descendant_is_detected_through_intermediate_nodes(child):
     assert type(root(f"<Fallback><Failure/>{child}</Fallback>")) is stock.Fallback
 
 
@@ -76,21 +76,21 @@ def test_what_can_be_skipped_is_known_through_the_nodes_between(child):
         ('<LoopInt queue="1;2" if_empty="SKIPPED">', "</LoopInt>", True),
     ],
 )
-def test_what_skips_by_the_value_of_an_attribute_alone_does_not_where_it_has_another(opening, closing, skips):
+def test_skippability_depends_on_value_of_attribute(opening, closing, skips):
     around = "<Fallback><Failure/>{}</Fallback>"
     wanted = stock.Fallback if skips else composites.Selector
     assert type(root(around.format(f"{opening}<Success/>{closing}"))) is wanted
     assert type(root(around.format(f"{opening}{SKIPPED}{closing}"))) is stock.Fallback
 
 
-def test_conditions_that_cannot_skip_leave_the_nodes_around_stock():
+def test_conditions_that_cannot_skip_do_not_change_class_of_parent():
     assert (
         type(root('<Sequence><Success _failureIf="true" _onSuccess="a := 1"/></Sequence>'))
         is composites.Sequence
     )
 
 
-def test_a_node_that_never_skips_hides_its_child():
+def test_node_that_is_never_skipped_hides_skippable_child():
     body = f"<Sequence><KeepRunningUntilFailure>{SKIPPED}</KeepRunningUntilFailure></Sequence>"
     assert type(root(body)) is composites.Sequence
 
@@ -103,13 +103,13 @@ def with_subtree(inner):
     return preview_tree(bind_main(forest_of(trees), REGISTRY)).root
 
 
-def test_a_subtree_is_a_stock_decorator_unless_its_tree_can_be_skipped():
+def test_subtree_is_py_trees_decorator_unless_it_can_be_skipped():
     plain, skipping = with_subtree("<Success/>"), with_subtree(SKIPPED)
     assert [type(plain), type(plain.children[0])] == [composites.Sequence, py_trees.decorators.PassThrough]
     assert [type(skipping), type(skipping.children[0])] == [stock.Sequence, SUBTREE]
 
 
-def test_oneshot_around_a_node_that_can_be_skipped_is_a_finding():
+def test_oneshot_around_skippable_node_is_reported():
     (finding,) = check(
         forest('<Sequence _skipIf="a == 1" oneshot="ON_COMPLETION"><Success/></Sequence>'), REGISTRY
     )

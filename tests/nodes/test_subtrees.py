@@ -1,4 +1,4 @@
-"""Trees in trees: what a `SubTree` stands for, and what may not stand in what."""
+"""Tests of subtrees: `SubTree` elements, nesting and its limits, and references between trees."""
 
 import re
 
@@ -23,11 +23,11 @@ def tree(name, body):
 
 
 def file(*trees, main="Main"):
-    """Return a file; its trees stand in lines 2, 3 and so on."""
+    """Return a file with its trees in lines 2, 3 and so on."""
     return f'<root BTCPP_format="4" main_tree_to_execute="{main}">\n' + "\n".join(trees) + "\n</root>"
 
 
-def found(*trees):
+def locate_findings(*trees):
     return [
         (f.code, f.span.line, f.span.column, f.suggestion) for f in check(forest_of(file(*trees)), REGISTRY)
     ]
@@ -37,16 +37,16 @@ def column(line, part):
     return line.index(part) + 1
 
 
-def test_a_tree_may_stand_in_several_places():
+def test_tree_may_be_used_several_times():
     assert (
-        found(
+        locate_findings(
             tree("Main", '<Sequence><SubTree ID="B"/><SubTree ID="B"/></Sequence>'), tree("B", "<Success/>")
         )
         == []
     )
 
 
-def test_a_subtree_is_named_by_its_attribute_or_its_id():
+def test_subtree_is_named_by_its_name_attribute_or_id():
     text = file(
         tree("Main", '<Sequence><SubTree ID="B" name="first"/><SubTree ID="B"/></Sequence>'),
         tree("B", "<Success/>"),
@@ -55,41 +55,45 @@ def test_a_subtree_is_named_by_its_attribute_or_its_id():
     assert [child.name for child in root.children] == ["first", "B"]
 
 
-def test_a_tree_that_is_not_there_is_a_finding_with_the_nearest_name():
+def test_unknown_tree_is_reported_with_nearest_name():
     line = tree("Main", '<SubTree ID="Partol"/>')
-    assert found(line, tree("Patrol", "<Success/>")) == [
+    assert locate_findings(line, tree("Patrol", "<Success/>")) == [
         ("unknown-tree", 2, column(line, "Partol"), "Patrol")
     ]
 
 
 @pytest.mark.parametrize("attributes", ["", ' ID=""'])
-def test_a_subtree_that_names_no_tree_is_a_finding(attributes):
+def test_subtree_without_id_is_reported(attributes):
     line = tree("Main", f"<SubTree{attributes}/>")
     place = '"/>' if attributes else "<SubTree"
-    assert found(line) == [("missing-attribute", 2, column(line, place), None)]
+    assert locate_findings(line) == [("missing-attribute", 2, column(line, place), None)]
 
 
-def test_nodes_in_a_subtree_element_are_a_finding():
+def test_children_of_subtree_element_are_reported():
     line = tree("Main", '<SubTree ID="B"><Success/></SubTree>')
-    assert found(line, tree("B", "<Success/>")) == [("child-of-leaf", 2, column(line, "<Success"), None)]
+    assert locate_findings(line, tree("B", "<Success/>")) == [
+        ("child-of-leaf", 2, column(line, "<Success"), None)
+    ]
 
 
-def test_an_attribute_that_begins_with_an_underscore_is_no_key():
+def test_unknown_attribute_with_underscore_is_reported():
     line = tree("Main", '<SubTree ID="B" _autoremp="true"/>')
-    assert found(line, tree("B", "<Success/>")) == [
+    assert locate_findings(line, tree("B", "<Success/>")) == [
         ("unknown-attribute", 2, column(line, "_autoremp"), "_autoremap")
     ]
 
 
-def test_autoremap_is_true_or_false():
+def test_autoremap_must_be_true_or_false():
     line = tree("Main", '<SubTree ID="B" _autoremap="ture"/>')
-    assert found(line, tree("B", "<Success/>")) == [("wrong-value", 2, column(line, "ture"), "true")]
+    assert locate_findings(line, tree("B", "<Success/>")) == [
+        ("wrong-value", 2, column(line, "ture"), "true")
+    ]
 
 
-def test_the_same_name_in_two_trees_is_none():
+def test_two_trees_may_contain_nodes_with_same_name():
     inner = tree("B", '<SubTree ID="C" name="c"/>')
     assert (
-        found(
+        locate_findings(
             tree("Main", '<Sequence><SubTree ID="C" name="c"/><SubTree ID="B"/></Sequence>'),
             inner,
             tree("C", "<Success/>"),
@@ -114,11 +118,13 @@ def test_the_same_name_in_two_trees_is_none():
         ([tree("Main", "<Success/>"), tree("B", '<SubTree ID="B"/>')], [3]),
     ],
 )
-def test_trees_that_contain_each_other_are_one_finding_where_the_circle_closes(trees, lines):
-    assert [(code, line) for code, line, *_ in found(*trees)] == [("recursive-tree", line) for line in lines]
+def test_recursive_trees_are_reported_once_where_cycle_closes(trees, lines):
+    assert [(code, line) for code, line, *_ in locate_findings(*trees)] == [
+        ("recursive-tree", line) for line in lines
+    ]
 
 
-def test_a_circle_is_told_by_the_names_of_its_trees():
+def test_message_about_cycle_lists_its_trees():
     text = file(
         tree("Main", '<SubTree ID="B"/>'), tree("B", '<SubTree ID="C"/>'), tree("C", '<SubTree ID="B"/>')
     )
@@ -126,21 +132,21 @@ def test_a_circle_is_told_by_the_names_of_its_trees():
     assert finding.message == "these trees contain each other: B -> C -> B"
 
 
-def test_of_a_long_circle_only_the_ends_are_told():
+def test_message_about_long_cycle_is_abbreviated():
     trees = [tree(f"T{number}", f'<SubTree ID="T{(number + 1) % 20}"/>') for number in range(20)]
     (finding,) = check(forest_of(file(*trees, main="T0")), REGISTRY)
     assert finding.message.endswith("T0 -> T1 -> T2 -> T3 -> ... -> T17 -> T18 -> T19 -> T0")
 
 
 def chain(count):
-    """Return trees of two levels each, every one in the one before it."""
+    """Return trees of two levels each, nested in each other."""
     trees = [
         tree(f"T{number}", f'<Inverter><SubTree ID="T{number + 1}"/></Inverter>') for number in range(count)
     ]
     return [*trees, tree(f"T{count}", "<Success/>")]
 
 
-def test_trees_may_be_as_deep_in_each_other_as_can_be_ticked():
+def test_trees_nested_up_to_limit_can_be_ticked():
     text = file(*chain((MAX_LEVELS - 1) // 2), main="T0")
     assert check(forest_of(text), REGISTRY) == []
     live = LiveTree(preview_tree(bind_main(forest_of(text), REGISTRY)).root)
@@ -149,20 +155,20 @@ def test_trees_may_be_as_deep_in_each_other_as_can_be_ticked():
 
 
 @pytest.mark.parametrize("count", [MAX_LEVELS // 2, 5000])
-def test_trees_deeper_in_each_other_than_that_are_one_finding_where_it_becomes_too_deep(count):
+def test_too_deep_nesting_is_reported_once_where_limit_is_exceeded(count):
     (finding,) = check(forest_of(file(*chain(count), main="T0")), REGISTRY)
     assert (finding.code, finding.span.line) == ("too-deep", 2 + MAX_LEVELS // 2)
     assert f"{2 * count + 1} levels" in finding.message
     assert str(MAX_LEVELS) in (finding.hint or "")
 
 
-def test_conditions_and_oneshot_are_levels_as_well():
+def test_conditions_and_oneshot_count_as_levels():
     def nested(deep, leaf):
         return '<Inverter _onSuccess="a := 1" oneshot="ON_COMPLETION">' * deep + leaf + "</Inverter>" * deep
 
     assert 150 * 3 + 50 * 3 + 2 > MAX_LEVELS > 150 + 50 + 2
     trees = tree("Main", nested(150, '<SubTree ID="Inner"/>')), tree("Inner", nested(50, "<Success/>"))
-    assert [code for code, *_ in found(*trees)] == ["too-deep"]
+    assert [code for code, *_ in locate_findings(*trees)] == ["too-deep"]
 
 
 def doubling(count):
@@ -170,26 +176,28 @@ def doubling(count):
     return [*(tree(f"T{n}", body.format(n + 1)) for n in range(count)), tree(f"T{count}", "<Success/>")]
 
 
-def test_trees_that_would_grow_beyond_measure_are_a_finding_before_they_are_made():
+def test_exponentially_growing_trees_are_rejected_before_they_are_built():
     (finding,) = check(forest_of(file(*doubling(60), main="T0")), REGISTRY)
     assert (finding.code, finding.span.line) == ("too-many-nodes", 2)
     assert f"{MAX_NODES:,}" in finding.message
 
 
-def test_trees_that_are_large_only_together_are_a_finding_at_the_first_too_many(monkeypatch):
+def test_total_number_of_nodes_of_all_trees_is_limited(monkeypatch):
     monkeypatch.setattr(nesting, "MAX_NODES", 20)
     users = [tree(f"U{number}", '<SubTree ID="T0"/>') for number in range(3)]
-    assert [(code, line) for code, line, *_ in found(*doubling(2), *users, tree("Main", "<Success/>"))] == [
+    assert [
+        (code, line) for code, line, *_ in locate_findings(*doubling(2), *users, tree("Main", "<Success/>"))
+    ] == [
         ("too-many-nodes", 6),
         ("too-many-nodes", 7),
     ]
 
 
-def test_what_is_wrong_in_a_tree_is_said_once_however_often_it_is_used():
+def test_error_in_reused_tree_is_reported_once():
     body = (
         '<Sequence><SubTree ID="B" name="1"/><SubTree ID="B" name="2"/><SubTree ID="B" name="3"/></Sequence>'
     )
-    assert [code for code, *_ in found(tree("Main", body), tree("B", "<NotifyBase/>"))] == [
+    assert [code for code, *_ in locate_findings(tree("Main", body), tree("B", "<NotifyBase/>"))] == [
         "missing-reference"
     ]
 
@@ -208,15 +216,15 @@ DETECT = '<DetectSurvivor name="eye"/>'
         ],
     ],
 )
-def test_a_reference_reaches_the_trees_around(trees):
-    assert found(*trees) == []
+def test_reference_can_resolve_to_node_of_outer_tree(trees):
+    assert locate_findings(*trees) == []
     tree_ = preview_tree(bind_main(forest_of(file(*trees)), REGISTRY))
     nodes = {node.name: node for node in tree_.root.iterate()}
     assert tree_.origins[nodes["NotifyBase"].id].attributes["detect_node"] == "eye"
     assert vars(nodes["NotifyBase"])["detect_node"] is nodes["eye"]
 
 
-def test_a_node_of_the_same_tree_comes_before_those_around_it():
+def test_node_of_same_tree_takes_precedence_over_outer_trees():
     main = tree("Main", f'<Sequence>{DETECT}<SubTree ID="B"/></Sequence>')
     inner = tree("B", '<Sequence><DetectSurvivor name="near"/><NotifyBase/></Sequence>')
     root = preview_tree(bind_main(forest_of(file(main, inner)), REGISTRY)).root
@@ -224,7 +232,7 @@ def test_a_node_of_the_same_tree_comes_before_those_around_it():
     assert vars(nodes["NotifyBase"])["detect_node"] is nodes["near"]
 
 
-def test_each_instance_of_a_tree_refers_to_its_own_nodes():
+def test_each_instance_of_tree_references_its_own_nodes():
     main = tree("Main", '<Sequence><SubTree ID="B" name="1"/><SubTree ID="B" name="2"/></Sequence>')
     inner = tree("B", "<Sequence><DetectSurvivor/><NotifyBase/></Sequence>")
     root = preview_tree(bind_main(forest_of(file(main, inner)), REGISTRY)).root
@@ -232,20 +240,22 @@ def test_each_instance_of_a_tree_refers_to_its_own_nodes():
     assert referred[0] is not referred[1]
 
 
-def test_a_node_of_a_subtree_beside_it_is_out_of_reach():
+def test_node_of_sibling_subtree_cannot_be_referenced():
     body = '<Sequence><SubTree ID="B"/><NotifyBase detect_node="eye"/></Sequence>'
     line = tree("Main", body)
-    assert found(line, tree("B", DETECT)) == [("unknown-reference", 2, column(line, 'eye"/>'), None)]
+    assert locate_findings(line, tree("B", DETECT)) == [
+        ("unknown-reference", 2, column(line, 'eye"/>'), None)
+    ]
 
 
-def test_a_tree_that_is_executed_itself_must_have_all_it_refers_to():
+def test_main_tree_must_contain_all_referenced_nodes():
     user = tree("User", f'<Sequence>{DETECT}<SubTree ID="Main"/></Sequence>')
-    assert [(code, line) for code, line, *_ in found(tree("Main", "<NotifyBase/>"), user)] == [
+    assert [(code, line) for code, line, *_ in locate_findings(tree("Main", "<NotifyBase/>"), user)] == [
         ("missing-reference", 2)
     ]
 
 
-def test_an_ambiguous_reference_into_another_file_names_the_lines_there():
+def test_ambiguous_reference_to_outer_tree_lists_lines():
     text = file(
         tree("Main", f'<Sequence>{DETECT}<DetectSurvivor/><SubTree ID="B"/></Sequence>'),
         tree("B", "<NotifyBase/>"),
@@ -255,13 +265,13 @@ def test_an_ambiguous_reference_into_another_file_names_the_lines_there():
     assert "(lines 2, 2)" in finding.message
 
 
-def test_of_many_nodes_that_a_reference_can_mean_only_the_first_are_told():
+def test_ambiguous_reference_lists_only_first_candidates():
     body = "<Sequence>" + DETECT * 30 + "<NotifyBase/></Sequence>"
     (finding,) = check(forest_of(file(tree("Main", body))), REGISTRY)
     assert "30 DetectSurvivor nodes (lines 2, 2, 2, 2, 2, 2, 2, 2, 2, 2 and 20 more)" in finding.message
 
 
-def test_a_reference_that_is_ambiguous_in_another_file_names_that_file(tmp_path):
+def test_ambiguous_reference_to_tree_of_other_file_names_file(tmp_path):
     (tmp_path / "part.xml").write_text(
         file(tree("B", "<NotifyBase/>")).replace(' main_tree_to_execute="Main"', "")
     )
@@ -276,8 +286,8 @@ def test_a_reference_that_is_ambiguous_in_another_file_names_that_file(tmp_path)
     assert re.search(r"\(lines 3, 3 of .*main\.xml\)", finding.message)
 
 
-def test_a_tree_may_have_as_many_nodes_as_is_said(monkeypatch):
+def test_tree_may_have_maximum_number_of_nodes(monkeypatch):
     monkeypatch.setattr(nesting, "MAX_NODES", 3)
     trees = [tree("Main", '<Sequence><Success name="a"/><Success name="b"/></Sequence>')]
     assert not bind_main(forest_of(file(*trees)), REGISTRY).findings
-    assert found(*trees) == []
+    assert locate_findings(*trees) == []

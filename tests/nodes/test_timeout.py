@@ -1,4 +1,4 @@
-"""The Timeout decorator runs on the mission's clock."""
+"""Tests of the Timeout decorator, which uses the clock of the mission, and of the wall clock."""
 
 import pytest
 from py_trees.behaviours import Running, StatusQueue
@@ -8,7 +8,7 @@ from sar_compiler.runtime.clock import ManualClock, WallClock
 from sar_compiler.runtime.stock import Timeout
 
 
-def test_a_child_that_takes_too_long_is_stopped_and_the_timeout_fails():
+def test_timeout_stops_slow_child_and_fails():
     clock = ManualClock()
     child = Running("child")
     timeout = Timeout("t", child, duration=2.0, clock=clock)
@@ -20,7 +20,7 @@ def test_a_child_that_takes_too_long_is_stopped_and_the_timeout_fails():
     assert child.status == Status.INVALID
 
 
-def test_the_time_left_is_shown():
+def test_remaining_time_is_shown():
     clock = ManualClock()
     timeout = Timeout("t", Running("child"), duration=2.0, clock=clock)
     timeout.tick_once()
@@ -30,7 +30,7 @@ def test_the_time_left_is_shown():
 
 
 @pytest.mark.parametrize("status", [Status.SUCCESS, Status.FAILURE])
-def test_a_child_that_finishes_gives_its_status_even_after_the_time(status):
+def test_timeout_returns_status_of_child_that_ends_late(status):
     clock = ManualClock()
     child = StatusQueue("child", queue=[Status.RUNNING, status], eventually=None)
     timeout = Timeout("t", child, duration=2.0, clock=clock)
@@ -40,7 +40,7 @@ def test_a_child_that_finishes_gives_its_status_even_after_the_time(status):
     assert timeout.status is status
 
 
-def test_the_time_starts_again_with_every_entry():
+def test_timeout_restarts_with_every_activation():
     clock = ManualClock()
     timeout = Timeout("t", Running("child"), duration=2.0, clock=clock)
     statuses = []
@@ -53,6 +53,6 @@ def test_the_time_starts_again_with_every_entry():
     assert statuses == [Status.RUNNING, Status.FAILURE] * 2
 
 
-def test_the_wall_clock_never_runs_backwards():
+def test_wall_clock_never_runs_backwards():
     clock = WallClock()
     assert clock.now() <= clock.now()

@@ -1,4 +1,4 @@
-"""How texts become values: with nothing left over, and with the nearest thing suggested."""
+"""Tests of the conversion of strings to values, and of the suggestions for invalid strings."""
 
 import enum
 from contextlib import suppress
@@ -56,11 +56,11 @@ def convert(annotation, text):
         (Milliseconds, "2min", 120_000),
         (Colour, "GREEN", Colour.GREEN),
         (Literal["left", "right"], "left", "left"),
-        (Optional[int], "3", 3),  # noqa: UP045 - the old spelling must work too
+        (Optional[int], "3", 3),  # noqa: UP045 - the old form must also work
         (float | None, "3", 3.0),
     ],
 )
-def test_a_text_becomes_a_value_of_the_annotated_type(annotation, text, value):
+def test_string_is_converted_to_annotated_type(annotation, text, value):
     assert convert(annotation, text) == value
     assert type(convert(annotation, text)) is type(value)
 
@@ -124,7 +124,7 @@ def test_a_text_becomes_a_value_of_the_annotated_type(annotation, text, value):
         (Literal["left", "right"], "rigth", "right"),
     ],
 )
-def test_what_is_not_such_a_value_is_refused_with_the_nearest_one(annotation, text, suggestion):
+def test_invalid_string_is_rejected_with_nearest_valid_one(annotation, text, suggestion):
     with pytest.raises(ConversionError) as caught:
         convert(annotation, text)
     assert caught.value.suggestion == suggestion
@@ -138,7 +138,7 @@ _SPELLINGS = st.tuples(
 
 
 @given(_SPELLINGS, st.sampled_from([int, float, timedelta, Seconds, Milliseconds]))
-def test_what_is_suggested_for_a_number_is_accepted_and_keeps_its_digits(text, annotation):
+def test_suggested_number_is_valid_and_keeps_its_digits(text, annotation):
     try:
         convert(annotation, text)
     except ConversionError as error:
@@ -159,7 +159,7 @@ def test_what_is_suggested_for_a_number_is_accepted_and_keeps_its_digits(text, a
         (Seconds, "2m", "write a number with ms, s or min, for example 500ms, 1.5s or 2min"),
     ],
 )
-def test_where_no_replacement_is_sure_to_mean_the_same_there_is_a_hint(annotation, text, hint):
+def test_ambiguous_string_gives_hint_in_place_of_suggestion(annotation, text, hint):
     with pytest.raises(ConversionError) as caught:
         convert(annotation, text)
     assert (caught.value.suggestion, caught.value.hint) == (None, hint)
@@ -169,11 +169,11 @@ def test_where_no_replacement_is_sure_to_mean_the_same_there_is_a_hint(annotatio
     ("annotation", "value", "fitted"),
     [(Seconds, "500ms", 0.5), (Seconds, 3, 3.0), (Milliseconds, "1.5s", 1500), (Milliseconds, 7.0, 7)],
 )
-def test_a_duration_on_the_blackboard_is_read_as_in_a_file(annotation, value, fitted):
+def test_duration_on_blackboard_is_converted_as_in_file(annotation, value, fitted):
     assert require_value_type(annotation).fit(value) == fitted
 
 
-def test_a_list_may_be_of_members_of_an_enumeration():
+def test_list_may_contain_members_of_enumeration():
     value_type = value_type_of(list[Colour])
     assert value_type is not None
     assert value_type.convert("RED;GREEN") == [Colour.RED, Colour.GREEN]
@@ -181,22 +181,22 @@ def test_a_list_may_be_of_members_of_an_enumeration():
 
 
 @pytest.mark.parametrize("annotation", [list, list[list[int]], dict, object, int | str, Literal[1, 2]])
-def test_types_that_no_text_can_become_have_no_value_type(annotation):
+def test_unsupported_annotation_has_no_value_type(annotation):
     assert value_type_of(annotation) is None
 
 
 @given(st.integers())
-def test_every_whole_number_survives_being_written(number):
+def test_every_integer_survives_round_trip(number):
     assert convert(int, str(number)) == number
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_every_finite_number_survives_being_written(number):
+def test_every_finite_float_survives_round_trip(number):
     assert convert(float, repr(number)) == number
 
 
 @given(st.text(max_size=20), st.sampled_from([bool, int, float, str, Path, timedelta, Colour]))
-def test_no_text_makes_a_conversion_raise_anything_but_its_own_error(text, annotation):
+def test_conversion_of_any_string_raises_at_most_conversion_error(text, annotation):
     with suppress(ConversionError):
         convert(annotation, text)
 
@@ -213,11 +213,11 @@ def test_no_text_makes_a_conversion_raise_anything_but_its_own_error(text, annot
         ("x {a}", None),
     ],
 )
-def test_a_blackboard_key_stands_alone_in_braces(text, key):
+def test_blackboard_key_stands_alone_in_braces(text, key):
     assert blackboard_key(text) == key
 
 
-def test_the_nearest_word_is_first_of_all_the_same_in_another_case():
+def test_nearest_prefers_same_word_in_other_case():
     assert nearest("navigatetozone", ["NavigateToZone", "NavigateToBase"]) == "NavigateToZone"
     assert nearest("Sequense", ["Sequence", "Selector"]) == "Sequence"
     assert nearest("Xyz", ["Sequence", "Selector"]) is None
@@ -227,14 +227,14 @@ def test_the_nearest_word_is_first_of_all_the_same_in_another_case():
     "annotation", [bool, int, float, str, list[int], Colour, Seconds, Milliseconds, timedelta]
 )
 @pytest.mark.parametrize("held", [True, 7, -1, 2.5, "7", [1], Colour.RED, timedelta(seconds=1)])
-def test_values_of_the_type_that_is_kept_are_returned_as_they_are(annotation, held):
+def test_value_of_unchanged_type_is_returned_as_same_object(annotation, held):
     value_type = value_type_of(annotation)
     assert value_type is not None
     if type(held) is value_type.unchanged_type:
         assert value_type.fit(held) is held
 
 
-def test_a_type_with_limits_keeps_nothing_without_a_look():
+def test_type_with_limits_has_no_unchanged_type():
     value_type = value_type_of(Milliseconds)
     assert value_type is not None
     assert value_type.unchanged_type is None
