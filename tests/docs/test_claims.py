@@ -58,9 +58,9 @@ NO_BEHAVIOUR = {
 TESTED_BY = {
     SECURITY: {
         "leaves from `--nodes`": (
-            "test_are_imported_when_the_user_names_them_himself", "test_runs_the_modules_beside_the_configuration_and_is_remembered",
+            "test_modules_named_by_user_are_imported", "test_trust_imports_modules_beside_configuration_and_is_recorded",
         ),
-        "tree files, palettes": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words", "test_are_not_imported_by_any_command"),
+        "tree files, palettes": ("test_what_nobody_would_write_is_a_finding_or_an_error_in_words", "test_no_command_imports_untrusted_modules"),
         "responses of services and actions": ("test_any_answer_about_a_survivor_and_any_map_are_judged", "test_any_end_of_a_drive_is_a_line"),
         "All files are read by one opener": ("test_what_others_name_is_read_by_the_opener_alone",),
         "The opener obtains a handle": (
@@ -98,16 +98,16 @@ TESTED_BY = {
         ),
         "An approval is forged": ("test_approvals_that_others_can_write_do_not_count", "test_a_record_that_others_can_write_does_not_count"),
         "A module is replaced": (
-            "test_ends_where_a_module_is_exchanged_after_its_hash_was_taken", "test_is_for_the_source_and_not_for_what_is_compiled_beside_it",
+            "test_module_replaced_after_hashing_is_not_imported", "test_trusted_module_is_run_from_source_and_not_from_bytecode",
         ),
         "A file runs code": (
-            "test_no_code_of_a_file_is_ever_evaluated", "test_are_not_imported_from_the_checkout", "test_are_imported_when_they_are_installed",
-            "test_that_are_of_no_package_with_leaves_are_not_imported_though_they_are_installed",
+            "test_no_code_of_a_file_is_ever_evaluated", "test_modules_in_checkout_are_not_imported", "test_installed_modules_are_imported",
+            "test_installed_modules_of_packages_without_leaves_are_not_imported",
         ),
         "A file names a file elsewhere": (
-            "test_what_lies_outside_is_not_read", "test_a_palette_that_is_linked_from_outside_is_not_read",
+            "test_what_lies_outside_is_not_read", "test_palette_linked_from_outside_is_not_read",
             "test_a_world_names_no_map_outside_its_folder", "test_a_map_names_no_picture_outside_its_folder",
-            "test_a_scenario_compares_its_trace_with_no_file_outside_its_folder", "test_without_a_repository_it_reaches_its_own_folder",
+            "test_a_scenario_compares_its_trace_with_no_file_outside_its_folder", "test_configuration_outside_repository_may_only_name_its_own_folder",
         ),
         "A file expands": (
             "test_entities_of_a_doctype_are_never_expanded", "test_exponentially_growing_trees_are_rejected_before_they_are_built",

@@ -1,4 +1,4 @@
-"""Somebody's checkout, in which one types commands."""
+"""A checkout of another person's repository, in which a user runs commands."""
 
 import os
 import subprocess
@@ -36,7 +36,7 @@ class Checkout:
 
     @property
     def proof(self) -> Path:
-        """What is there once the leaves of the checkout have been imported."""
+        """The file that exists once the leaves of the checkout have been imported."""
         return self.home / "proof"
 
     @property
@@ -56,7 +56,7 @@ class Checkout:
         return self.write("sar.toml", text)
 
     def command(self, *words: object, **variables: str) -> subprocess.CompletedProcess[str]:
-        """Type a command in the checkout, in a process of its own."""
+        """Run a command in the checkout, in a process of its own."""
         environment = {
             **{name: value for name, value in os.environ.items() if name not in _OURS},
             "HOME": str(self.home),
@@ -74,7 +74,7 @@ class Checkout:
         )
 
     def validate(self, *options: str, **variables: str) -> str:
-        """Validate the tree; return what is said on both streams."""
+        """Validate the tree, and return the output on both streams."""
         done = self.command("validate", "tree.xml", *options, **variables)
         return done.stdout + done.stderr
 

@@ -1,4 +1,4 @@
-"""Small repositories by chance: palettes at several depths, trees in several files, includes, settings, packages, and mistakes."""
+"""Small random repositories: palettes at several depths, trees in several files, includes, settings, packages, and errors."""
 
 import random
 from pathlib import Path
@@ -32,7 +32,7 @@ MISTAKES = {
 
 
 def palette(tags, chance):
-    """Return a palette; several of a repository may describe a node differently."""
+    """Return a random palette. The palettes of a repository may describe a node differently."""
     ports = "".join(f'<input_port name="{name}"/>' for name in ("to", "at") if chance.random() < 0.7)
     described = "".join(
         f'<{chance.choice(("Action", "Condition"))} ID="{tag}">{ports}</{{}}>' for tag in tags
@@ -43,16 +43,16 @@ def palette(tags, chance):
 
 
 class Repository:
-    """A repository that was made by chance.
+    """A random repository.
 
     Args:
-        folder: Where it is made.
-        seed: Decides what is in it.
+        folder: The folder to create.
+        seed: The seed of the random choices.
 
     Attributes:
         folder: The folder.
-        trees: Its tree files, with the palettes among them.
-        has: What is in it, in words.
+        trees: Its tree files, including the palettes.
+        has: The names of the features that it contains.
     """
 
     def __init__(self, folder: Path, seed: int) -> None:

@@ -1,4 +1,4 @@
-"""Names of enumerations of a C++ program, as `sar.toml`, palettes and scenarios declare them."""
+"""Tests of enumerators of a C++ program, which `sar.toml`, palettes and scenarios can declare."""
 
 from pathlib import Path
 
@@ -51,7 +51,7 @@ def declare_in_palette_around(folder: Path) -> None:
     (folder / "enums.xml").write_text(text, encoding="utf-8")
 
 
-DECLARED = pytest.mark.parametrize(
+every_declaration = pytest.mark.parametrize(
     "declare", [declare_in_settings, declare_in_palette, declare_in_palette_around]
 )
 
@@ -62,20 +62,20 @@ def status_of_a_run(tree: Path) -> str:
     return str(compiled.root.status.name)
 
 
-@DECLARED
-def test_a_run_knows_the_numbers_of_declared_enumerations(tree: Path, declare) -> None:
+@every_declaration
+def test_run_uses_numbers_of_declared_enumerators(tree: Path, declare) -> None:
     declare(tree.parent)
     assert status_of_a_run(tree) == "SUCCESS"
 
 
-@DECLARED
-def test_a_simulation_chooses_the_branch_of_a_switch_by_their_numbers(tree: Path, declare) -> None:
+@every_declaration
+def test_simulation_selects_switch_branch_by_numbers_of_enumerators(tree: Path, declare) -> None:
     declare(tree.parent)
     assert load(tree).simulate().run_to_end().root == "SUCCESS"
 
 
-@DECLARED
-def test_verify_proves_that_no_tick_raises(tree: Path, declare) -> None:
+@every_declaration
+def test_verify_proves_that_no_tick_raises_with_declared_enumerators(tree: Path, declare) -> None:
     declare(tree.parent)
     proof = load(tree).verify()
     assert {each.question: each.outcome.value for each in proof.verdicts}[
@@ -83,14 +83,14 @@ def test_verify_proves_that_no_tick_raises(tree: Path, declare) -> None:
     ] == "proved"
 
 
-@DECLARED
-def test_validate_finds_nothing_in_declared_names(tree: Path, declare) -> None:
+@every_declaration
+def test_check_reports_nothing_for_declared_enumerators(tree: Path, declare) -> None:
     declare(tree.parent)
     assert load(tree).check() == []
 
 
 @pytest.mark.parametrize("case", ["red", "Red"])
-def test_a_palette_around_a_file_declares_names_in_lower_case(tree: Path, case: str) -> None:
+def test_palette_in_repository_may_declare_lower_case_enumerators(tree: Path, case: str) -> None:
     declare_in_palette_around(tree.parent)
     for path in (tree, tree.parent / "enums.xml"):
         text = path.read_text(encoding="utf-8").replace("RED", case).replace("BLUE", "blue")
@@ -99,7 +99,7 @@ def test_a_palette_around_a_file_declares_names_in_lower_case(tree: Path, case: 
     assert load(tree).simulate().run_to_end().root == "SUCCESS"
 
 
-def test_names_of_keys_let_no_palette_around_a_file_be_read(tree: Path, monkeypatch) -> None:
+def test_palettes_in_repository_are_not_read_if_all_names_are_keys(tree: Path, monkeypatch) -> None:
     declare_in_palette_around(tree.parent)
     script = "a := 1; b += a; 'red' == c"
     nodes = f'<Sequence><Script code="{script}"/><SetBlackboard output_key="c" value="red"/><SubTree ID="S" d="1"/></Sequence>'
@@ -109,37 +109,37 @@ def test_names_of_keys_let_no_palette_around_a_file_be_read(tree: Path, monkeypa
     load(tree).check()
 
 
-def test_a_palette_of_other_enumerations_around_a_file_is_not_used(tree: Path, tmp_path: Path) -> None:
+def test_palette_with_other_enumerators_in_repository_is_not_used(tree: Path, tmp_path: Path) -> None:
     (tmp_path / ".git").mkdir()
     (tmp_path / "enums.xml").write_text(palette('<Enum ID="GREEN" value="3"/>'), encoding="utf-8")
     assert load(tree).palettes == ()
 
 
-def test_a_typo_in_a_name_is_found_with_the_declared_one(tree: Path) -> None:
+def test_typo_in_enumerator_is_reported_with_declared_one(tree: Path) -> None:
     declare_in_settings(tree.parent)
     tree.write_text(document(TREE.replace("!= BLUE", "!= BLEU")), encoding="utf-8")
     [finding] = load(tree).check()
     assert (finding.code, finding.span.line, finding.suggestion) == ("unwritten-key", 7, "BLUE")
 
 
-def test_a_name_in_capitals_is_a_key_that_nothing_writes_where_others_are_declared(tree: Path) -> None:
+def test_undeclared_upper_case_name_is_unwritten_key_if_others_are_declared(tree: Path) -> None:
     declare_in_settings(tree.parent)
     tree.write_text(document(TREE.replace("!= BLUE", "!= SQUARE")), encoding="utf-8")
     assert [each.code for each in load(tree).check()] == ["unwritten-key"]
 
 
-def test_a_name_in_capitals_may_be_an_enumeration_where_none_is_declared(tree: Path) -> None:
+def test_upper_case_name_may_be_enumerator_if_none_is_declared(tree: Path) -> None:
     assert [each for each in load(tree).check() if each.severity is not Severity.ERROR] == []
 
 
-def test_a_tick_that_meets_an_undeclared_one_says_where_to_declare_it(tree: Path) -> None:
+def test_tick_with_undeclared_enumerator_raises_error_with_remedy(tree: Path) -> None:
     with pytest.raises(
         Exception, match=r"add an enumerator of the C\+\+ program to \[language\.enums\] in sar\.toml"
     ):
         status_of_a_run(tree)
 
 
-def test_a_scenario_declares_its_own(tree: Path, tmp_path: Path) -> None:
+def test_scenario_may_declare_enumerators(tree: Path, tmp_path: Path) -> None:
     scenario = tmp_path / "run.yaml"
     scenario.write_text(
         "enums: {RED: 1, BLUE: 2}\nuntil: color == RED\nexpect: {root: SUCCESS}\n", encoding="utf-8"
@@ -147,7 +147,7 @@ def test_a_scenario_declares_its_own(tree: Path, tmp_path: Path) -> None:
     play_scenario(load(tree), scenario)
 
 
-def test_a_property_compares_with_them(tree: Path, tmp_path: Path) -> None:
+def test_property_may_use_enumerators(tree: Path, tmp_path: Path) -> None:
     declare_in_settings(tree.parent)
     properties = tmp_path / "properties.yaml"
     properties.write_text(
@@ -160,14 +160,14 @@ def test_a_property_compares_with_them(tree: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ['RED = "1"', "RED = 1.5", "RED = 3000000000", "RED = true"])
-def test_a_number_of_another_type_is_an_error_in_its_line(tree: Path, text: str) -> None:
+def test_invalid_number_of_enumerator_is_located_error(tree: Path, text: str) -> None:
     (tree.parent / "sar.toml").write_text(f"[language.enums]\n{text}\n", encoding="utf-8")
     with pytest.raises(TreeError) as caught:
         load(tree)
     assert [each.span.line for each in caught.value.findings] == [2]
 
 
-WRONG = {
+WRONG_ENUMS = {
     "without a name": ('<Enum value="1"/>', "needs an ID"),
     "with a name that scripts cannot use": ('<Enum ID="a-b" value="1"/>', "needs an ID"),
     "with a text for a number": ('<Enum ID="A" value="x"/>', "'x' is not an integer"),
@@ -178,9 +178,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("case", WRONG)
-def test_an_enumeration_in_a_palette_that_says_nothing_is_a_warning(case: str) -> None:
-    text, message = WRONG[case]
+@pytest.mark.parametrize("case", WRONG_ENUMS)
+def test_invalid_enumerator_in_palette_is_warning(case: str) -> None:
+    text, message = WRONG_ENUMS[case]
     collector = FindingCollector()
     read_models([parse_xml(palette(text))], collector)
     [finding] = collector.findings
@@ -188,7 +188,7 @@ def test_an_enumeration_in_a_palette_that_says_nothing_is_a_warning(case: str) -
     assert message in finding.message
 
 
-def test_an_enumeration_in_a_palette_may_lack_its_number(tree: Path) -> None:
+def test_enumerator_in_palette_may_lack_number(tree: Path) -> None:
     models = read_models(
         [parse_xml(palette('<Enum ID="RED"/>', '<Enum ID="RED" value="4"/>', '<Enum ID="GO"/>'))],
         FindingCollector(),
@@ -196,7 +196,7 @@ def test_an_enumeration_in_a_palette_may_lack_its_number(tree: Path) -> None:
     assert models.enums == {"RED": 4, "GO": None}
 
 
-def test_a_palette_from_use_lists_the_names_that_scripts_read_in_capitals_and_no_tree_writes() -> None:
+def test_palette_from_use_lists_upper_case_names_that_no_tree_writes() -> None:
     body = """<Sequence>
     <Script code="color := RED; LEVEL := 2; text := 'HELLO YOU'"/>
     <ScriptCondition code="color == BLUE &amp;&amp; LEVEL &lt; MAX_LEVEL" _skipIf="Mixed"/>
@@ -216,7 +216,7 @@ PAINT = '<Action ID="Paint"><input_port name="color" type="Color"/></Action>'
     [("RED", []), ("REDD", [("warning", "RED")]), ("x;y", [("info", None)]), ("3", [("info", None)])],
 )
 @pytest.mark.parametrize("way", ["literal", "constant"])
-def test_a_text_for_a_type_of_cpp_is_noted_unless_it_is_a_declared_name(
+def test_string_for_cpp_type_is_reported_unless_it_is_declared_enumerator(
     tree: Path, text: str, told: list[tuple[str, str | None]], way: str
 ) -> None:
     declare_in_settings(tree.parent)

@@ -1,4 +1,4 @@
-"""What is known of a file does not depend on which command asks."""
+"""Tests that all commands report the same findings about a file."""
 
 import functools
 import io
@@ -14,7 +14,7 @@ from sar_compiler.cli.compile import main
 from tests.chance import rounds
 from tests.project.random_repositories import MISTAKES, SETTINGS, Repository
 
-# What is measured here, cheaper tests of each rule and each setting reach.
+# Cheaper tests of each rule and each setting cover the same lines.
 pytestmark = pytest.mark.unmeasured
 
 COUNT = rounds(20)
@@ -25,7 +25,7 @@ HEAD = re.compile(
 
 
 class Reported(NamedTuple):
-    """A finding, as any command reports it."""
+    """A finding as reported by a command."""
 
     file: str
     line: int
@@ -41,19 +41,19 @@ def reported_as_text(text: str) -> set[Reported]:
 
 
 def notes_in(text: str) -> set[str]:
-    """Return the notes about palettes: a folder is given with the trees in it, so that none of these is one that nobody has named."""
+    """Return the notes about palettes. Notes about trees that are not given are left out, because a folder gives all its trees."""
     return {line for line in text.splitlines() if line.startswith("note: nodes are described by")}
 
 
 def run(*words: object) -> tuple[int, str, str]:
-    """Run a command; return its status, and what it prints on both streams."""
+    """Run a command, and return its status and its output on both streams."""
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
         status = main([*map(str, words)])
     return status, out.getvalue(), err.getvalue()
 
 
-def validated(name: object) -> tuple[set[Reported], str]:
-    """Return what `validate` reports of a file or folder, and what it prints besides."""
+def findings_and_notes(name: object) -> tuple[set[Reported], str]:
+    """Return the findings of `validate` about a file or folder, and its other output."""
     _, out, err = run("validate", "--no-deep", "--format", "json", name)
     found = {
         Reported(str(Path(each["file"]).resolve()), each["line"], each["code"], each["message"])
@@ -62,24 +62,24 @@ def validated(name: object) -> tuple[set[Reported], str]:
     return found, err
 
 
-validated_file = functools.cache(validated)
+findings_and_notes_of_file = functools.cache(findings_and_notes)
 
 
 @pytest.fixture(scope="module", params=range(COUNT))
-def made(request, tmp_path_factory) -> Repository:
+def random_repository(request, tmp_path_factory) -> Repository:
     return Repository(tmp_path_factory.mktemp("made") / "repository", request.param)
 
 
 @pytest.fixture
-def repository(made: Repository, monkeypatch) -> Repository:
-    monkeypatch.chdir(made.folder)
-    return made
+def repository(random_repository: Repository, monkeypatch) -> Repository:
+    monkeypatch.chdir(random_repository.folder)
+    return random_repository
 
 
 @pytest.mark.parametrize("command", ["show", "simulate", "verify"])
-def test_every_command_reports_the_findings_that_validate_reports(repository, command):
+def test_every_command_reports_same_findings_as_validate(repository, command):
     for path in repository.trees:
-        found, err = validated_file(path)
+        found, err = findings_and_notes_of_file(path)
         if command != "show" and any(each.code in ("no-tree", "no-main-tree") for each in found):
             continue
         status, _, said = run(command, "--max-seconds", "60", path.relative_to(repository.folder))
@@ -93,19 +93,19 @@ def test_every_command_reports_the_findings_that_validate_reports(repository, co
         assert notes_in(said) == notes_in(err)
 
 
-def test_a_folder_has_the_findings_of_all_its_files_wherever_it_is_named(repository, tmp_path, monkeypatch):
-    each = [validated_file(path) for path in repository.trees]
-    whole, err = validated(".")
+def test_validating_folder_reports_findings_of_all_its_files(repository, tmp_path, monkeypatch):
+    each = [findings_and_notes_of_file(path) for path in repository.trees]
+    whole, err = findings_and_notes(".")
     assert whole == set().union(*(found for found, _ in each))
     listed = {
         name for _, said in each for note in notes_in(said) for name in note.partition(" by ")[2].split(", ")
     }
     assert {name for note in notes_in(err) for name in note.partition(" by ")[2].split(", ")} == listed
     monkeypatch.chdir(tmp_path)
-    assert validated(repository.folder)[0] == whole
+    assert findings_and_notes(repository.folder)[0] == whole
 
 
-def test_the_repositories_have_all_that_can_be_around_a_file(tmp_path):
+def test_random_repositories_cover_every_setting_and_error(tmp_path):
     there = set().union(*(Repository(tmp_path / str(seed), seed).has for seed in range(COUNT)))
     assert {*MISTAKES, *(f"the setting {key}" for key in SETTINGS)} <= there
     assert {"a package", "a nested package", "an include", "a set of trees", "a malformed file"} <= there

@@ -1,4 +1,4 @@
-"""A command opens each file once: what it says of a file is about one state of it."""
+"""Tests that a command opens each file once, so that its output is about one state of the file."""
 
 import json
 import subprocess
@@ -43,7 +43,7 @@ print(json.dumps(opened), file=sys.stderr)
     ],
     ids=lambda each: " ".join(each) if isinstance(each, list) else "",
 )
-def test_each_file_is_opened_once(command, read, tmp_path):
+def test_command_opens_each_file_once(command, read, tmp_path):
     for name, text in {
         "tree.xml": TREE,
         "other.xml": TREE.replace('"A"', '"Other"'),
@@ -56,7 +56,7 @@ def test_each_file_is_opened_once(command, read, tmp_path):
         [sys.executable, "-c", _PROGRAM, *command], capture_output=True, text=True, cwd=tmp_path, check=False
     )
     opened = json.loads(done.stderr.splitlines()[-1])
-    # The second step of the opener is under the system's name of what it has opened.
+    # The opener opens a file in two steps. The second one uses a path in /proc/self/fd, which is left out here.
     ours = {
         path: count
         for path, count in opened.items()

@@ -1,4 +1,4 @@
-"""A project whose subtrees live in files of their own, which its configuration names."""
+"""Tests of projects whose configuration names the files of subtrees."""
 
 import json
 
@@ -45,46 +45,46 @@ def write(folder, name, text):
         ("pyproject.toml", '[tool.sar.project]\ntrees = ["trees/**/*"]\n'),
     ],
 )
-def test_the_tree_is_compiled_with_the_subtrees_of_the_other_files(folder, name, text):
+def test_tree_is_compiled_with_subtrees_of_other_files(folder, name, text):
     write(folder, name, text)
     names = [behaviour.name for behaviour in compile_for_test("main.xml").root.iterate()]
     assert names.count("NavigateToBase") == 2
     assert names.count("NavigateToZone") == 1
 
 
-def test_a_file_that_is_isolated_is_without_them(folder):
+def test_isolated_file_is_loaded_without_other_files(folder):
     write(folder, "sar.toml", TREES)
     with pytest.raises(TreeError, match="there is no tree 'Out'"):
         load("main.xml", isolated=True).compile()
 
 
 @pytest.mark.parametrize("command", ["validate", "show", "simulate", "verify"])
-def test_every_command_has_the_subtrees_of_the_other_files(folder, command):
+def test_every_command_uses_subtrees_of_other_files(folder, command):
     write(folder, "sar.toml", TREES)
     assert main([command, "main.xml"]) == 0
 
 
-def test_it_can_be_simulated_and_verified_in_a_program(folder):
+def test_program_can_simulate_and_verify_tree_with_subtrees_of_other_files(folder):
     write(folder, "sar.toml", TREES)
     run = simulate("main.xml", NavigateToZone="arrived").run_to_end()
     run.expect(root="SUCCESS")
     assert load("main.xml").verify().is_proved
 
 
-def test_where_a_node_comes_from_is_said_with_the_other_file(folder, capsys):
+def test_show_reports_file_and_line_of_node_in_other_file(folder, capsys):
     write(folder, "sar.toml", TREES)
     assert main(["show", "--format", "json", "main.xml"]) == 0
     out = json.loads(capsys.readouterr().out)["children"][0]
     assert (out["children"][0]["file"], out["children"][0]["line"]) == ("trees/out.xml", 3)
 
 
-def test_a_path_out_of_the_repository_is_refused(folder):
+def test_path_outside_repository_is_rejected(folder):
     write(folder, "sar.toml", '[project]\ntrees = ["../elsewhere"]\n')
     with pytest.raises(TreeError, match=r"error\[setting-outside\]: trees: '\.\./elsewhere' is outside"):
         load("main.xml")
 
 
-def test_a_link_out_of_the_repository_is_not_followed(folder, tmp_path_factory):
+def test_link_out_of_repository_is_not_followed(folder, tmp_path_factory):
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     (folder / "trees" / "out.xml").rename(elsewhere / "out.xml")
     (folder / "trees" / "out.xml").symlink_to(elsewhere / "out.xml")
@@ -93,7 +93,7 @@ def test_a_link_out_of_the_repository_is_not_followed(folder, tmp_path_factory):
         compile_for_test("main.xml")
 
 
-def test_a_file_that_is_not_there_is_told_when_a_tree_is_missing(folder):
+def test_missing_file_is_reported_only_if_tree_is_missing(folder):
     write(folder, "sar.toml", '[project]\ntrees = ["gone.xml"]\n')
     with pytest.raises(UnreadableFileError, match=r"cannot read gone\.xml"):
         load("main.xml")
@@ -101,7 +101,7 @@ def test_a_file_that_is_not_there_is_told_when_a_tree_is_missing(folder):
     assert load("single.xml").check() == []
 
 
-def test_a_wrong_shape_is_a_finding_with_its_place(folder):
+def test_setting_of_wrong_shape_is_located(folder):
     write(folder, "sar.toml", '[project]\ntrees = "trees"\n')
     with pytest.raises(TreeError, match=r"sar\.toml:2:10: error\[wrong-shape\]"):
         load("main.xml")
@@ -123,13 +123,13 @@ def codes(tree):
     return [(finding.code, finding.suggestion) for finding in load(tree).check()]
 
 
-def test_a_tree_that_a_palette_describes_is_known(folder, palette):
+def test_tree_described_by_palette_is_known(folder, palette):
     write(folder, "grip.xml", document('<SubTree ID="OpenGripper" force="3" _autoremap="true"/>'))
     assert codes("grip.xml") == []
     assert "OpenGripper" in [behaviour.name for behaviour in compile_for_test("grip.xml").root.iterate()]
 
 
-def test_its_ports_are_checked(folder, palette):
+def test_ports_of_described_tree_are_checked(folder, palette):
     write(folder, "grip.xml", document('<SubTree ID="OpenGripper" force="3" hold="{h}" _autoremap="true"/>'))
     assert codes("grip.xml") == [("unused-argument", "held")]
     write(folder, "grip.xml", document('<SubTree ID="OpenGripper"/>'))
@@ -137,7 +137,7 @@ def test_its_ports_are_checked(folder, palette):
 
 
 @pytest.mark.parametrize("command", ["simulate", "verify"])
-def test_a_tree_that_is_only_described_is_not_executed(folder, palette, capsys, command):
+def test_tree_that_is_only_described_is_not_executed(folder, palette, capsys, command):
     write(folder, "grip.xml", document('<SubTree ID="OpenGripper" force="3" _autoremap="true"/>'))
     assert main([command, "grip.xml"]) == 1
     assert (
@@ -146,7 +146,7 @@ def test_a_tree_that_is_only_described_is_not_executed(folder, palette, capsys, 
     )
 
 
-def test_a_tree_that_is_there_counts_before_its_description(folder, palette):
+def test_existing_tree_takes_precedence_over_its_description(folder, palette):
     write(folder, "grip.xml", document('<SubTree ID="OpenGripper" force="3" _autoremap="true"/>'))
     write(
         folder,
@@ -157,7 +157,7 @@ def test_a_tree_that_is_there_counts_before_its_description(folder, palette):
     assert load("grip.xml").verify().is_proved
 
 
-def test_of_several_trees_the_one_to_execute_is_asked_for_with_their_names(folder, capsys):
+def test_error_about_missing_main_tree_lists_trees_and_remedy(folder, capsys):
     write(
         folder,
         "two.xml",
@@ -182,7 +182,7 @@ PROJECT = (
 )
 
 
-def test_the_includes_of_a_groot2_project_are_checked(folder, capsys):
+def test_includes_of_groot2_project_are_checked(folder, capsys):
     write(folder, "a.xml", document("<OpenDoor/>", "A"))
     write(folder, "b.xml", document('<SubTree ID="A"/>', "B"))
     model = '<Action ID="OpenDoor"/>'
@@ -192,7 +192,7 @@ def test_the_includes_of_a_groot2_project_are_checked(folder, capsys):
     assert codes("Project.btproj") == [("unreadable-include", None)]
 
 
-def test_a_groot2_project_is_named_as_such(folder, capsys):
+def test_message_about_groot2_project_calls_it_project(folder, capsys):
     for name in ("a", "b"):
         write(folder, f"{name}.xml", document("<NavigateToBase/>", name))
     write(folder, "Project.btproj", PROJECT.format('<include path="a.xml"/><include path="b.xml"/>', ""))
@@ -204,6 +204,6 @@ def test_a_groot2_project_is_named_as_such(folder, capsys):
     assert main(["simulate", "--tree", "a", "Project.btproj"]) == 0
 
 
-def test_a_tree_file_has_no_name_of_a_project(folder):
+def test_project_attribute_of_tree_file_is_ignored(folder):
     write(folder, "a.xml", document("<NavigateToBase/>").replace("<root", '<root project="P"'))
     assert codes("a.xml") == [("ignored-attribute", None)]
