@@ -92,7 +92,7 @@ TESTED_BY = {
             "test_a_request_that_waits_for_a_check_can_be_cancelled", "test_a_command_that_is_cancelled_leaves_no_process",
         ),
         "A tree changes after": (
-            "test_a_tree_runs_only_as_it_was_approved", "test_another_tree_of_an_approved_file_may_not_start",
+            "test_tree_runs_only_as_approved", "test_another_tree_of_an_approved_file_may_not_start",
             "test_the_file_that_has_changed_is_named", "test_one_that_is_changed_is_named_with_both_values_and_how_to_approve_it",
             "test_the_areas_that_a_parameter_names_belong_to_it",
         ),
@@ -144,14 +144,14 @@ TESTED_BY = {
             "test_result_of_abandoned_query_is_ignored", "test_late_response_of_old_call_is_ignored",
         ),
         "A node sends `sar-run --serve` a goal": (
-            "test_a_client_starts_trees_by_their_names_one_after_the_other", "test_a_payload_that_is_none_is_refused",
-            "test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them",
+            "test_client_runs_trees_by_name_one_after_another", "test_a_payload_that_is_none_is_refused",
+            "test_payload_sets_parameters_and_result_reports_their_errors",
         ),
         "`--groot2` listens": ("test_it_listens_on_this_machine_alone",),
         "No request changes the tree": ("test_no_request_changes_the_tree",),
         "A request of more than 1 MiB": ("test_a_request_of_more_than_a_mebibyte_ends_its_connection_and_no_other",),
         "Ctrl-C, SIGTERM and SIGHUP": (
-            "test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time",
+            "test_run_stopped_during_navigation_cancels_its_goal",
             "test_the_goal_is_cancelled_and_the_status_is_that_of_a_hangup",
         ),
         "A second Ctrl-C or SIGTERM": (
@@ -159,9 +159,9 @@ TESTED_BY = {
             "test_two_signals_at_once_are_one_request", "test_limits_on_security_page_match_code",
         ),
         "After SIGKILL": ("test_it_cancels_the_goal_of_a_mission_that_is_killed",),
-        "A run with a journal": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
+        "A run with a journal": ("test_guardian_is_default_for_journaled_run_of_real_robot",),
         "The guardian is a separate process": ("test_it_cancels_the_goal_of_a_mission_that_is_killed",),
-        "Other runs have a guardian": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
+        "Other runs have a guardian": ("test_guardian_is_default_for_journaled_run_of_real_robot",),
         "The guardian acts when": (
             "test_it_cancels_the_goal_of_a_mission_that_is_killed",
             "test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancels",
@@ -193,7 +193,7 @@ TESTED_BY = {
         "A request for other files": ("test_nothing_else_can_be_reached",),
         "Keep the domain on the machine": ("test_the_range_is_this_machine_otherwise",),
         "`sar-run --sim` and `sar-sim` set this": ("test_the_range_is_this_machine_otherwise", "test_the_range_that_a_user_chose_is_kept"),
-        "The guardian gets the `--enclave`": ("test_a_run_with_a_journal_of_a_real_robot_has_a_guardian_and_others_if_it_is_asked_for",),
+        "The guardian gets the `--enclave`": ("test_guardian_is_default_for_journaled_run_of_real_robot",),
     },
     RELIABILITY: {
         "Each item is tested": ("test_every_promise_names_its_tests",),

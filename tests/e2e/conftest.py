@@ -1,4 +1,4 @@
-"""Processes and witnesses for tests of whole missions."""
+"""Fixtures for tests of whole missions: processes and observers."""
 
 import pytest
 
@@ -10,7 +10,7 @@ __all__ = ["make_ros", "ros", "start", "witness"]
 
 @pytest.fixture
 def start():
-    """Start commands of the project; what still runs after the test is killed."""
+    """Return a function that starts a command of the project; running commands are killed after the test."""
     commands = []
 
     def start_command(name, *arguments, env=None):
@@ -24,7 +24,7 @@ def start():
 
 @pytest.fixture
 def witness():
-    """Watch robots from a node of the test's own."""
+    """Return a function that observes a robot from a separate node."""
     from tests.e2e.witness import Witness
 
     watching = []

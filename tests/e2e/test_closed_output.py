@@ -1,4 +1,4 @@
-"""A run whose output somebody has seen enough of."""
+"""Test of a run whose standard output is closed."""
 
 import os
 import subprocess
@@ -10,7 +10,7 @@ from tests.processes import BIN
 pytestmark = pytest.mark.ros
 
 
-def test_a_reader_who_goes_away_does_not_stop_the_robot():
+def test_closed_output_does_not_stop_run():
     arguments = ["--sim", "--speed", "20", "--view", "text", "--ros-args", "-p", "zone_order:=[zone_b]"]
     with subprocess.Popen(
         [BIN / "sar-run", *arguments],

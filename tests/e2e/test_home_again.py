@@ -1,4 +1,4 @@
-"""A flight whose battery does not suffice for all zones: home, another battery, and on."""
+"""Tests of a run whose battery does not suffice for all zones: the robot returns home, gets a new battery, and continues."""
 
 import json
 from pathlib import Path
@@ -11,8 +11,8 @@ pytestmark = pytest.mark.ros
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory):
-    """Fly with a battery that drains some 25 % faster than the parameters say, and is swapped at home; return the run and its report."""
+def low_battery_run(tmp_path_factory):
+    """Run with a battery that drains some 25 % faster than the parameters state, and is swapped at home; return run and report."""
     folder = tmp_path_factory.mktemp("flown")
     shipped = Path("worlds/disaster_zone.yaml").read_text(encoding="utf-8")
     text = shipped.replace("../maps/disaster_zone.yaml", "disaster_zone.yaml")
@@ -40,10 +40,10 @@ def flown(tmp_path_factory):
 
 
 @pytest.mark.costly
-def test_the_robot_comes_home_where_its_battery_would_not_bring_it_home_again_and_goes_on_with_another_one(
-    flown,
+def test_robot_returns_home_for_new_battery_and_continues(
+    low_battery_run,
 ):
-    run, _ = flown
+    run, _ = low_battery_run
     expected = [
         "Next zone by expected_find: zone_d.",
         "Navigating to base station...",
@@ -58,8 +58,8 @@ def test_the_robot_comes_home_where_its_battery_would_not_bring_it_home_again_an
 
 
 @pytest.mark.costly
-def test_no_property_is_broken_in_it_and_the_report_has_its_reason_and_its_figures(flown):
-    run, report = flown
+def test_no_property_is_violated_and_report_has_reason_and_figures(low_battery_run):
+    run, report = low_battery_run
     assert "Monitored 10 properties: none violated." in run.output
     text = json.dumps(report)
     assert "the reserve is 15%: home first" in text

@@ -1,4 +1,4 @@
-"""A leaf that is wrong in itself ends the run, and is named."""
+"""Tests that a faulty leaf ends the run and is named."""
 
 import os
 from contextlib import closing
@@ -50,8 +50,8 @@ class Orderly(Forgetful):
 
 
 @pytest.fixture(params=["own", "py_trees_ros"])
-def fly(request, start, tmp_path):
-    """Fly a tree of these leaves with either engine."""
+def run_tree(request, start, tmp_path):
+    """Return a function that runs a tree of these leaves; for each engine."""
     (tmp_path / "misbehaving_leaves.py").write_text(LEAVES, encoding="utf-8")
 
     def run(body, *options):
@@ -64,8 +64,8 @@ def fly(request, start, tmp_path):
     return run
 
 
-def test_the_journal_names_the_leaf_that_has_ended_the_run(fly, tmp_path):
-    run = fly(
+def test_journal_names_leaf_that_ended_run(run_tree, tmp_path):
+    run = run_tree(
         '<Timeout duration="600"><Forgetful name="Out"/></Timeout>', "--journal", tmp_path / "m.journal"
     )
     assert run.end() == 1, run.output
@@ -75,16 +75,16 @@ def test_the_journal_names_the_leaf_that_has_ended_the_run(fly, tmp_path):
     assert "tree.xml:3" in told.reason
 
 
-def test_a_callback_that_raises_ends_the_run_in_order(fly):
-    run = fly('<Sequence><Sleep msec="60000"/><Restless/><Orderly name="Last"/></Sequence>')
+def test_callback_that_raises_ends_run_and_shuts_leaves_down(run_tree):
+    run = run_tree('<Sequence><Sleep msec="60000"/><Restless/><Orderly name="Last"/></Sequence>')
     assert run.end() == 1, run.output
     assert "A callback failed: ValueError: boom. The tree is stopped." in run.output
     assert "sar-run: the tree was stopped, because a callback failed (see above)" in run.output
     assert "shut down: Last" in run.output
 
 
-def test_a_leaf_that_returns_no_status_ends_the_run_and_its_time_out(fly):
-    run = fly('<Timeout duration="600"><Forgetful name="Out"/></Timeout>')
+def test_leaf_that_returns_no_status_ends_run_despite_timeout(run_tree):
+    run = run_tree('<Timeout duration="600"><Forgetful name="Out"/></Timeout>')
     assert run.end() == 1, run.output
     assert (
         "'Out' (Forgetful) failed: update() returned None, which is not a status. "
@@ -93,8 +93,8 @@ def test_a_leaf_that_returns_no_status_ends_the_run_and_its_time_out(fly):
     assert "tree.xml:3). The tree is stopped." in run.output
 
 
-def test_a_leaf_whose_setup_raises_is_named_and_those_before_it_are_shut_down(fly):
-    run = fly('<Sequence><Orderly name="Before"/><Unready name="M"/><Orderly name="Behind"/></Sequence>')
+def test_leaf_that_fails_in_setup_is_named_and_earlier_leaves_are_shut_down(run_tree):
+    run = run_tree('<Sequence><Orderly name="Before"/><Unready name="M"/><Orderly name="Behind"/></Sequence>')
     assert run.end() == 1, run.output
     assert "'M' (Unready) failed in setup: ValueError: boom (" in run.output
     assert "tree.xml:3; " in run.output
@@ -106,8 +106,8 @@ def test_a_leaf_whose_setup_raises_is_named_and_those_before_it_are_shut_down(fl
     assert last in run.output
 
 
-def test_the_calls_that_led_to_a_failure_are_shown_where_they_are_asked_for(fly):
-    run = fly('<Sequence><Orderly name="Before"/><Unready name="M"/></Sequence>', "--traceback")
+def test_traceback_option_shows_traceback(run_tree):
+    run = run_tree('<Sequence><Orderly name="Before"/><Unready name="M"/></Sequence>', "--traceback")
     run.wait_for("Traceback (most recent call last):").wait_for('    raise ValueError("boom")')
     run.wait_for("sar-run: the tree was not started")
 
@@ -120,7 +120,7 @@ def test_the_calls_that_led_to_a_failure_are_shown_where_they_are_asked_for(fly)
     ],
 )
 @pytest.mark.parametrize("is_in_file", [False, True])
-def test_a_parameter_that_is_nearly_what_a_tree_takes_is_warned_of(start, tmp_path, given, note, is_in_file):
+def test_misspelt_tree_parameter_is_reported(start, tmp_path, given, note, is_in_file):
     folder = Path("examples/drive_to_goal")
     name, _, value = given.partition(":=")
     written = tmp_path / "own.yaml"

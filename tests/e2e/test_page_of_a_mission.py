@@ -1,4 +1,4 @@
-"""The page of a whole mission, from its start over orders and a stop to its replay."""
+"""Tests of the page of a whole mission: start, commands, stop, resume and replay."""
 
 import re
 import signal
@@ -10,7 +10,7 @@ import pytest
 from tests.processes import Command, free_port
 from tests.web.browsers import Browser, open_browser
 
-# One mission serves all of them. What the page shows and orders: tests/web; a run that is resumed: tests/faults/test_resume.py.
+# All tests share one mission. For the content of the page, see tests/web; for resumed runs, see tests/faults/test_resume.py.
 pytestmark = [pytest.mark.ros, pytest.mark.costly]
 
 
@@ -22,11 +22,11 @@ def address(command):
     return f"{whole}tree#{token}" if token else f"{whole}tree", found[1]
 
 
-class Told(Browser):
-    """The page of a run, and what an operator does there."""
+class MissionPage(Browser):
+    """The page of a run, with the actions of an operator."""
 
-    def order(self, verb, said):
-        """Press a button, and confirm it if it asks; wait for the answer."""
+    def send_command(self, verb, said):
+        """Press a button, confirm its dialog, if any, and wait for the response."""
         button = f"[data-verb={verb}]:enabled"
         self.wait(
             lambda: self.js("return !!document.querySelector(arguments[0])", button), f"the button of {verb}"
@@ -37,27 +37,27 @@ class Told(Browser):
         self.wait_for("#answer", said)
 
     def wait_for_rest(self):
-        """Wait until the robot stands, and the tree holds it."""
+        """Wait until the robot stands still and the tree is paused."""
         stands = "AwaitStandstillAndHold, AwaitStandstill, SUCCESS"
         self.wait(lambda: any(row.startswith(stands) for row in self.rows()), f"'{stands}'")
 
     def zone(self, name):
-        """Return what the map says of a zone."""
+        """Return the title of a zone on the map."""
         titles = "return [...document.querySelectorAll('#map [data-kind=zone] title')].map((title) => title.textContent)"
         return next((title for title in self.js(titles) if title.startswith(f"{name}: ")), "")
 
 
 @pytest.fixture(scope="module")
-def story(tmp_path_factory):
-    """Fly with a page; return what was seen.
+def observations(tmp_path_factory):
+    """Run a mission with a page; return the observations.
 
-    The operator holds the robot as soon as there is a button for it, looks around, reloads, skips the zone, lets it go on, holds
-    it again. The run is stopped, resumed on the same port, and released; in the end its journal is replayed.
+    The operator pauses the robot as soon as the button appears, reloads the page, skips the zone, resumes, and pauses again. The
+    run is stopped, then resumed on the same port and by the operator. In the end, its journal is replayed.
     """
     journal = tmp_path_factory.mktemp("page") / "mission.journal"
     seen: dict[str, Any] = {}
     with ExitStack() as stack:
-        page = Told(stack.enter_context(open_browser()).driver)
+        page = MissionPage(stack.enter_context(open_browser()).driver)
         page.size(1400, 900)
 
         def start(name, *arguments):
@@ -65,15 +65,15 @@ def story(tmp_path_factory):
             stack.callback(command.kill)
             return command
 
-        def fly(*options):
+        def start_run(*options):
             tree = "search_and_rescue_guarded"
             return start(
                 "sar-run", tree, "--sim", "--speed", 2, "--view", "web", "--journal", journal, *options
             )
 
-        run = fly("--web-port", free_port())
+        run = start_run("--web-port", free_port())
         url, port = address(run)
-        page.open(url).order("pause", "Pause: done")
+        page.open(url).send_command("pause", "Pause: done")
         page.wait_for("#condition strong", "paused").wait_for(
             "#condition", "by an operator (page, 127.0.0.1)"
         )
@@ -86,12 +86,12 @@ def story(tmp_path_factory):
         page.driver.refresh()
         page.wait_for_rest()
         seen["reloaded"] = page.rows()
-        page.order("skip_zone", "Skip zone: done")
+        page.send_command("skip_zone", "Skip zone: done")
         page.wait(lambda: "abandoned" in page.zone("zone_a"), "the end of zone_a")
         seen["skipped"] = page.zone("zone_a")
-        page.order("resume", "Resume: done")
+        page.send_command("resume", "Resume: done")
         page.wait_for("#now", "navigating to zone_b")
-        page.order("pause", "Pause: done")
+        page.send_command("pause", "Pause: done")
         page.wait_for("#condition strong", "paused").wait_for(
             "#condition", "by an operator (page, 127.0.0.1)"
         )
@@ -99,12 +99,12 @@ def story(tmp_path_factory):
         seen["stopped"] = run.end()
         page.wait_for("#condition strong", "stopped")
 
-        again = fly("--resume", "--web-port", port)
+        again = start_run("--resume", "--web-port", port)
         page.wait_for("#clock", "run 2").wait_for("#condition strong", "paused")
         seen["resumed"] = page.zone("zone_a")
-        page.order("resume", "this page is read-only")
+        page.send_command("resume", "this page is read-only")
         page.open(address(again)[0])
-        page.order("resume", "Resume: done")
+        page.send_command("resume", "Resume: done")
         page.wait_for("#now", "navigating to zone_b")
         seen["ended"] = again.end()
         page.wait_for("#condition strong", "failed")
@@ -122,39 +122,41 @@ def story(tmp_path_factory):
     return seen
 
 
-def test_a_mission_under_way_is_seen_in_a_browser(story):
-    assert "NotHeld?, NotHeld, FAILURE, paused by an operator (page, 127.0.0.1)" in story["live"]
+def test_page_shows_paused_mission(observations):
+    assert "NotHeld?, NotHeld, FAILURE, paused by an operator (page, 127.0.0.1)" in observations["live"]
 
 
-def test_a_reload_in_flight_loses_nothing(story):
-    assert story["reloaded"][:10] == story["live"][:10]
+def test_reloaded_page_shows_same_rows(observations):
+    assert observations["reloaded"][:10] == observations["live"][:10]
 
 
-def test_the_operator_skips_a_zone_on_the_page(story):
-    assert re.match(r"zone_a: abandoned, .*skipped by an operator \(page, 127\.0\.0\.1\);", story["skipped"])
+def test_operator_skips_zone_on_page(observations):
+    assert re.match(
+        r"zone_a: abandoned, .*skipped by an operator \(page, 127\.0\.0\.1\);", observations["skipped"]
+    )
 
 
-def test_the_page_of_a_run_that_was_stopped_goes_on_with_the_one_that_resumes(story):
-    assert story["stopped"] == 130
-    assert story["resumed"] == story["skipped"]
+def test_page_of_stopped_run_continues_with_resumed_run(observations):
+    assert observations["stopped"] == 130
+    assert observations["resumed"] == observations["skipped"]
 
 
-def test_the_end_of_a_mission_is_seen_after_its_command_has_ended(story):
-    assert story["ended"] == 1
-    assert story["last"].startswith("zones visited 3 of 4 · survivors found 1 · survivors reported 1")
+def test_page_shows_end_of_mission_after_command_has_ended(observations):
+    assert observations["ended"] == 1
+    assert observations["last"].startswith("zones visited 3 of 4 · survivors found 1 · survivors reported 1")
 
 
-def test_the_replay_says_why_the_mission_has_failed(story):
-    assert story["why"].startswith("Why: ")
-    assert "MissionComplete? FAILURE (incomplete), zone_a was" in story["why"]
+def test_replay_explains_failure_of_mission(observations):
+    assert observations["why"].startswith("Why: ")
+    assert "MissionComplete? FAILURE (incomplete), zone_a was" in observations["why"]
 
 
-def test_the_journal_shows_the_same_again(story):
-    progress, zones = story["replayed"]
-    assert progress == story["last"]
-    assert zones[0] == story["skipped"]
+def test_replay_shows_same_progress_and_zones(observations):
+    progress, zones = observations["replayed"]
+    assert progress == observations["last"]
+    assert zones[0] == observations["skipped"]
     assert zones[1].startswith("zone_b: visited;")
 
 
-def test_ctrl_c_is_the_end_of_a_replay(story):
-    assert story["of replay"] == 0
+def test_ctrl_c_ends_replay_with_status_0(observations):
+    assert observations["of replay"] == 0

@@ -1,4 +1,4 @@
-"""`sar-run` with trees that belong to no mission: the root decides when they end, and how."""
+"""Tests of `sar-run` with trees that belong to no mission: the root decides when and how a run ends."""
 
 import re
 
@@ -11,7 +11,7 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture
 def tree(tmp_path):
-    """Write a tree file."""
+    """Return a function that writes a tree file."""
 
     def write(body):
         path = tmp_path / "tree.xml"
@@ -30,7 +30,7 @@ def tree(tmp_path):
         ('<AlwaysSuccess _skipIf="true"/>', 1, "sar-run: The root of the tree ended with SKIPPED."),
     ],
 )
-def test_a_run_ends_with_its_root(start, tree, body, status, said):
+def test_run_ends_with_its_root(start, tree, body, status, said):
     run = start("sar-run", tree(body))
     assert run.end() == status
     first, duration, *others = run.output.splitlines()
@@ -40,13 +40,13 @@ def test_a_run_ends_with_its_root(start, tree, body, status, said):
 
 
 @pytest.mark.parametrize("executor", ["events", "single-threaded"])
-def test_a_simulated_run_ends_with_its_root_and_has_no_mission_s_servers(start, tree, executor):
+def test_simulated_run_ends_with_its_root_and_starts_no_mission_servers(start, tree, executor):
     run = start("sar-run", tree("<AlwaysSuccess/>"), "--sim", "--executor", executor)
     assert run.end() == 0, run.output
     assert "service ready" not in run.output
 
 
-def test_a_root_that_fails_again_and_again_is_said_each_time(start, tree):
+def test_each_failure_of_root_is_logged(start, tree):
     run = start(
         "sar-run", tree("<AlwaysFailure/>"), "--until", "success", "--ros-args", "-p", "tick_rate_hz:=50.0"
     )
@@ -58,7 +58,7 @@ def test_a_root_that_fails_again_and_again_is_said_each_time(start, tree):
     ]
 
 
-def test_a_run_without_end_goes_on_over_the_root_s_end(start, tree):
+def test_endless_run_continues_after_root_has_ended(start, tree):
     run = start("sar-run", tree('<TickCounter duration="2" completion_status="FAILURE"/>'), "--until", "forever",
                 "--view", "text", "--ros-args", "-p", "tick_rate_hz:=50.0")  # fmt: skip
     run.wait_for("TickCounter FAILURE")
@@ -70,7 +70,7 @@ def test_a_run_without_end_goes_on_over_the_root_s_end(start, tree):
     assert run.log == []
 
 
-def test_a_service_that_nobody_brings_is_named(start, tree):
+def test_missing_service_is_named(start, tree):
     run = start("sar-run", tree("<DetectSurvivor/>"), "--ros-args", "-p", "startup_timeout_sec:=1.0")
     assert run.end() == 3
     assert "service detect_survivor: no server" in run.output
@@ -87,13 +87,13 @@ def test_a_service_that_nobody_brings_is_named(start, tree):
         ),
     ],
 )
-def test_what_is_a_mission_s_is_refused(start, tree, arguments, words):
+def test_invalid_mission_options_are_rejected(start, tree, arguments, words):
     run = start("sar-run", tree("<AlwaysSuccess/>"), *arguments)
     assert run.end() == 2
     assert words in run.output
 
 
-def test_a_name_makes_a_plain_tree_the_mission_s(start, tree):
+def test_mission_option_assigns_tree_to_mission(start, tree):
     run = start("sar-run", tree("<AlwaysFailure/>"), "--mission", "search_and_rescue", "--until", "failure")
     assert run.end() == 1
     assert "Loaded 4 search zones from parameters." in run.log

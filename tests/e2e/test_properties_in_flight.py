@@ -1,4 +1,4 @@
-"""`sar-run --properties`: what breaks a property in flight is an alarm wherever the run is shown, and may end the mission."""
+"""Tests of `sar-run --properties`: a violated property is an alarm in all views of the run, and may end the mission."""
 
 import json
 from contextlib import closing
@@ -12,12 +12,12 @@ from tests.web.browsers import open_browser
 
 pytestmark = pytest.mark.ros
 
-NOBODY = """properties:
+NEVER_FOUND = """properties:
   nobody is found:
     never: DetectSurvivor found
     if_broken: {done}
 """
-BROKEN = "Property violated: nobody is found (DetectSurvivor found)"
+VIOLATION = "Property violated: nobody is found (DetectSurvivor found)"
 
 
 def write(path, text):
@@ -27,9 +27,9 @@ def write(path, text):
 
 @pytest.fixture(scope="module")
 def aborted(tmp_path_factory):
-    """A flight that was broken off by a property: what it has said, its journal and its report."""
+    """Run a mission that a property aborts; return the status, the run, the entries of its journal, and its report."""
     folder = tmp_path_factory.mktemp("aborted")
-    properties = write(folder / "properties.yaml", NOBODY.format(done="abort"))
+    properties = write(folder / "properties.yaml", NEVER_FOUND.format(done="abort"))
     options = ("--properties", properties, "--journal", folder / "m.journal", "--report", folder / "r.json")
     run = Command("sar-run", "search_and_rescue_guarded", "--sim", "--speed", 20, *options)
     try:
@@ -41,33 +41,33 @@ def aborted(tmp_path_factory):
         run.kill()
 
 
-def test_a_property_that_is_broken_is_told_at_once_and_summed_up(aborted):
+def test_violated_property_is_reported_at_once_and_in_summary(aborted):
     status, run, _, _ = aborted
     assert status == 1
-    assert BROKEN in run.log
+    assert VIOLATION in run.log
     assert "Monitored 1 property: 1 violated (nobody is found)." in run.output
 
 
-def test_the_journal_says_which_event_has_broken_it_and_what_led_there(aborted):
+def test_journal_has_violating_event_and_its_history(aborted):
     _, _, entries, _ = aborted
     (watched,) = [each.data for each in entries if each.kind == "properties_watched"]
     assert watched["properties"] == [{"name": "nobody is found", "if_broken": "abort"}]
     (broken,) = [each for each in entries if each.kind == "property_broken"]
     assert (broken.data["event"], broken.data["owed"]) == ("DetectSurvivor found", False)
-    time_sec, tick, node, deed = broken.data["run"][-1]
-    assert (tick, node, deed) == (broken.data["tick"], broken.data["node"], "found")
-    # Those of events count from the run's beginning, and those of the journal from when the simulation was begun.
+    time_sec, tick, node, action = broken.data["run"][-1]
+    assert (tick, node, action) == (broken.data["tick"], broken.data["node"], "found")
+    # Times of events count from the start of the run, and times of the journal from the start of the simulation.
     (began,) = [each.time for each in entries if each.kind == "run_began"]
     assert began + time_sec == pytest.approx(broken.time, abs=0.5)
     assert [each[3] for each in broken.data["run"]].count("searching") == 1
 
 
-def test_the_report_has_the_alarm(aborted):
+def test_report_has_alarm(aborted):
     *_, report = aborted
-    assert BROKEN in [each["text"] for each in report["alarms"]]
+    assert VIOLATION in [each["text"] for each in report["alarms"]]
 
 
-def test_what_is_done_then_is_ordered_of_the_mission_in_the_property_s_name(aborted):
+def test_command_of_violated_property_is_recorded_with_its_name(aborted):
     _, _, entries, _ = aborted
     (command,) = [each.data for each in entries if each.kind == "command_given"]
     assert command["command"] == "abort"
@@ -76,8 +76,8 @@ def test_what_is_done_then_is_ordered_of_the_mission_in_the_property_s_name(abor
     }
 
 
-def test_a_tree_whose_leaves_heed_no_such_order_is_refused_before_anything_moves(start, tmp_path):
-    properties = write(tmp_path / "properties.yaml", NOBODY.format(done="hold"))
+def test_property_with_command_unknown_to_tree_is_rejected_before_start(start, tmp_path):
+    properties = write(tmp_path / "properties.yaml", NEVER_FOUND.format(done="hold"))
     run = start("sar-run", "search_and_rescue", "--sim", "--properties", properties, "--journal", "none")
     assert run.end() == 1
     assert (
@@ -87,7 +87,7 @@ def test_a_tree_whose_leaves_heed_no_such_order_is_refused_before_anything_moves
     assert "Navigating" not in run.output
 
 
-def test_a_slip_in_the_file_is_a_finding_before_anything_starts(start, tmp_path):
+def test_error_in_property_file_is_reported_before_start(start, tmp_path):
     properties = write(tmp_path / "properties.yaml", "properties: {p: {never: DetectSurvivor fuond}}\n")
     run = start("sar-run", "search_and_rescue", "--sim", "--properties", properties)
     assert run.end() == 2
@@ -95,15 +95,15 @@ def test_a_slip_in_the_file_is_a_finding_before_anything_starts(start, tmp_path)
     assert "did you mean 'found'?" in run.output
 
 
-WATCHED = """properties:
+TWO_PROPERTIES = """properties:
   nobody is found: {never: DetectSurvivor found}
   no report without a find: {before: NotifyBase starts, comes: DetectSurvivor found}
 """
 
 
 @pytest.mark.costly
-def test_the_page_and_its_replay_have_a_card_for_each_property(start, tmp_path):
-    properties, journal = write(tmp_path / "properties.yaml", WATCHED), tmp_path / "m.journal"
+def test_page_and_replay_show_properties(start, tmp_path):
+    properties, journal = write(tmp_path / "properties.yaml", TWO_PROPERTIES), tmp_path / "m.journal"
     options = ("--properties", properties, "--journal", journal, "--view", "web", "--web-port", 0)
     run = start("sar-run", "search_and_rescue", "--sim", "--speed", 2, *options)
     with open_browser() as page:
@@ -121,7 +121,7 @@ def test_the_page_and_its_replay_have_a_card_for_each_property(start, tmp_path):
         page.wait_for("#properties summary", "1 broken, 1 kept")
 
 
-def test_what_is_halted_because_the_run_is_stopped_breaks_nothing(start, tmp_path):
+def test_halt_by_stop_of_run_violates_no_property(start, tmp_path):
     text = "properties: {p: {never: [NavigateToZone halted, NavigateToZone SUCCESS]}}\n"
     properties = write(tmp_path / "properties.yaml", text)
     run = start("sar-run", "--sim", "--properties", properties, "--journal", "none")

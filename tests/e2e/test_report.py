@@ -1,4 +1,4 @@
-"""`--report` of `sar-run`: what is written at the end, and what is refused before anything moves."""
+"""Tests of `sar-run --report`: the reports at the end of a run, and rejected arguments."""
 
 import json
 import re
@@ -20,7 +20,7 @@ def tree(tmp_path):
     return path
 
 
-def test_a_flight_is_reported_with_its_map_its_way_and_who_was_found(start, tmp_path):
+def test_report_has_map_path_and_survivors(start, tmp_path):
     out = [tmp_path / f"report.{form}" for form in ("html", "json", "geojson", "cot", "cap")]
     asked = [word for file in out for word in ("--report", file)]
     run = start("sar-run", "--sim", "--speed", "20", *asked, "--ros-args", "-p", "zone_order:=[zone_a]", *GEO)
@@ -42,7 +42,7 @@ def test_a_flight_is_reported_with_its_map_its_way_and_who_was_found(start, tmp_
     assert "<status>Exercise</status>" in out[4].read_text(encoding="utf-8")
 
 
-def test_a_run_that_has_failed_is_reported_too(start, tree, tmp_path):
+def test_failed_run_is_reported(start, tree, tmp_path):
     assert start("sar-run", tree, "--report", tmp_path / "r.json").end() == 1
     data = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
     assert (data["outcome"], data["why"]["causes"][0]["name"]) == ("failed", "Nothing")
@@ -51,7 +51,7 @@ def test_a_run_that_has_failed_is_reported_too(start, tree, tmp_path):
     ]
 
 
-def test_the_summary_and_the_report_tell_the_head_by_which_the_journal_is_checked(start, tree, tmp_path):
+def test_summary_and_report_have_head_that_verifies_journal(start, tree, tmp_path):
     place = tmp_path / "m.journal"
     run = start("sar-run", tree, "--journal", place, "--report", tmp_path / "r.json")
     assert run.end() == 1
@@ -69,7 +69,7 @@ def test_the_summary_and_the_report_tell_the_head_by_which_the_journal_is_checke
     assert f"head of the chain: {head}" in show.output
 
 
-def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_path):
+def test_report_of_resumed_mission_covers_all_runs(start, tmp_path):
     place, ros = tmp_path / "m.journal", ("--ros-args", "-p", "zone_order:=[zone_a, zone_b]")
     first = start("sar-run", "--sim", "--speed", "20", "--journal", place, *ros)
     first.wait_for("--- Zone 2/2: zone_b").stop()
@@ -100,7 +100,7 @@ def test_a_mission_that_is_resumed_is_reported_from_its_beginning(start, tmp_pat
         ),
     ],
 )
-def test_what_cannot_be_written_is_refused_before_anything_moves(start, tree, arguments, words):
+def test_impossible_report_is_rejected_before_start(start, tree, arguments, words):
     run = start("sar-run", tree, *arguments)
     assert run.end() == 2
     assert words in run.output

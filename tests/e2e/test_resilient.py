@@ -1,4 +1,4 @@
-"""The resilient mission against what goes wrong: flown in the simulator, judged by log, summary and status."""
+"""Tests of the resilient mission with faults in the simulator, by its log, summary and status."""
 
 from contextlib import closing
 
@@ -15,8 +15,8 @@ pytestmark = pytest.mark.ros
 LATE = "Timed out while waiting for action server to acknowledge goal request for follow_path"
 
 
-def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameters=()):
-    """Fly the resilient tree with faults to zones, watched for its properties; return the run, ended, and its exit status."""
+def run_mission(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameters=()):
+    """Run the resilient tree with faults and monitored properties; return the completed run and its exit status."""
     options = [*options, *(word for fault in faults for word in ("--fault", fault))]
     run = Command(
         "sar-run",
@@ -41,28 +41,28 @@ def fly(*faults, zones="[zone_a, zone_b, zone_c, zone_d]", options=(), parameter
 
 
 @pytest.fixture(scope="module")
-def overcome():
-    """A flight with more than one attempt can mend, and yet all is mended."""
+def recovered_run():
+    """Run a mission that recovers from several faults."""
     late = "navigate_to_pose:late=50ms@zone_b"
-    return fly("report_survivor:refuse=3", late, "navigate_to_pose:die@zone_c,back=5")
+    return run_mission("report_survivor:refuse=3", late, "navigate_to_pose:die@zone_c,back=5")
 
 
 def zones_driven_to(run):
-    """Return where the robot set out for, in order, repeated attempts at one place once."""
+    """Return the destinations of the robot in order, without repeated attempts at the same destination."""
     drives = [line.split()[-1] for line in run.log if line.startswith("Navigating to")]
     return [place for place, before in zip(drives, ["", *drives], strict=False) if place != before]
 
 
-def test_without_faults_the_mission_says_and_does_what_the_contract_has():
-    run, status = fly()
+def test_mission_without_faults_has_log_of_contract():
+    run, status = run_mission()
     assert status == 0, run.output
     assert [line for line in run.log if line in set(MISSION_LOG)] == MISSION_LOG
 
 
 @pytest.mark.costly
-def test_a_rehearsal_like_nav2_has_nav2_s_recoveries_and_codes():
+def test_simulation_like_nav2_has_its_recoveries_and_error_codes():
     wall = ("-p", "zones.zone_a.x:=3.0", "-p", "zones.zone_a.y:=-3.0")
-    run, status = fly(zones="[zone_a]", options=("--like", "nav2"), parameters=wall)
+    run, status = run_mission(zones="[zone_a]", options=("--like", "nav2"), parameters=wall)
     assert status == 1, run.output
     assert (
         len([line for line in run.log if line.startswith("Navigation to zone_a failed:") and "208" in line])
@@ -72,8 +72,10 @@ def test_a_rehearsal_like_nav2_has_nav2_s_recoveries_and_codes():
 
 
 @pytest.mark.costly
-def test_what_fails_once_is_tried_again_where_the_robot_is():
-    run, status = fly("navigate_to_pose:reject=1", "detect_survivor:drop=1", "report_survivor:refuse=1")
+def test_failed_request_is_retried_at_same_position():
+    run, status = run_mission(
+        "navigate_to_pose:reject=1", "detect_survivor:drop=1", "report_survivor:refuse=1"
+    )
     assert status == 0, run.output
     assert zones_driven_to(run) == ["zone_a...", "zone_b...", "zone_c...", "zone_d...", "station..."]
     for line in (
@@ -86,8 +88,8 @@ def test_what_fails_once_is_tried_again_where_the_robot_is():
 
 
 @pytest.mark.costly
-def test_a_report_that_is_refused_is_kept_and_delivered_on_the_way(overcome):
-    run, status = overcome
+def test_rejected_report_is_stored_and_delivered_later(recovered_run):
+    run, status = recovered_run
     assert status == 0, run.output
     told = [
         "The report of survivor_1 is stored until base acknowledges it.",
@@ -101,8 +103,8 @@ def test_a_report_that_is_refused_is_kept_and_delivered_on_the_way(overcome):
 
 
 @pytest.mark.costly
-def test_reports_that_are_never_acknowledged_are_named_at_the_end():
-    run, status = fly("report_survivor:refuse=99", zones="[zone_a, zone_c]")
+def test_unacknowledged_reports_are_named_in_summary():
+    run, status = run_mission("report_survivor:refuse=99", zones="[zone_a, zone_c]")
     assert status == 1
     assert zones_driven_to(run)[-1] == "station..."
     for survivor in ("survivor_1 in zone_a", "survivor_2 in zone_c"):
@@ -111,14 +113,14 @@ def test_reports_that_are_never_acknowledged_are_named_at_the_end():
 
 
 @pytest.fixture(scope="module")
-def out_of_reach(tmp_path_factory):
-    """A flight in which a zone cannot be reached, with its journal."""
+def unreachable_zone_run(tmp_path_factory):
+    """Run a mission with an unreachable zone; return the run, its status and its journal."""
     journal = tmp_path_factory.mktemp("out_of_reach") / "m.journal"
-    return *fly("navigate_to_pose:abort=zone_b", options=["--journal", journal]), journal
+    return *run_mission("navigate_to_pose:abort=zone_b", options=["--journal", journal]), journal
 
 
-def test_a_zone_out_of_reach_is_come_back_to_then_abandoned_and_the_rest_is_done(out_of_reach):
-    run, status, _ = out_of_reach
+def test_unreachable_zone_is_retried_later_and_then_abandoned(unreachable_zone_run):
+    run, status, _ = unreachable_zone_run
     assert status == 1
     zones = ["zone_a...", "zone_b...", "zone_c...", "zone_d...", "zone_b...", "station..."]
     assert zones_driven_to(run) == zones, run.output
@@ -128,14 +130,14 @@ def test_a_zone_out_of_reach_is_come_back_to_then_abandoned_and_the_rest_is_done
     assert run.output.splitlines()[-1].endswith("zone_b was abandoned after attempt 3.")
 
 
-def test_of_a_zone_out_of_reach_the_journal_says_which_answer_would_have_been_enough(out_of_reach, capsys):
-    assert sar_journal(["why", str(out_of_reach[-1])]) == 0
+def test_journal_explains_which_outcome_would_have_sufficed(unreachable_zone_run, capsys):
+    assert sar_journal(["why", str(unreachable_zone_run[-1])]) == 0
     told = capsys.readouterr().out
     assert "NavigateToZone SUCCESS (arrived) instead of FAILURE (aborted)" in told
 
 
-def test_each_fact_of_a_flight_belongs_to_an_answer_of_the_leaf_that_has_noted_it(out_of_reach):
-    with closing(JournalFile.read(out_of_reach[-1])) as file:
+def test_each_journal_event_belongs_to_outcome_of_its_leaf(unreachable_zone_run):
+    with closing(JournalFile.read(unreachable_zone_run[-1])) as file:
         noted = [fact.kind for fact in file.events()]
         events = [event for event in recorded_events(file.last_run()) if event.facts]
     assert [kind for event in events for kind, _ in event.facts] == noted
@@ -149,14 +151,14 @@ def test_each_fact_of_a_flight_belongs_to_an_answer_of_the_leaf_that_has_noted_i
     }
 
 
-def test_a_server_that_comes_back_is_driven_with_again(overcome):
-    run, status = overcome
+def test_mission_succeeds_after_server_has_returned(recovered_run):
+    run, status = recovered_run
     assert status == 0, run.output
     assert "Fault: bt_navigator disappears." in run.log
 
 
-def test_a_goal_that_nav2_aborts_because_a_server_is_late_is_sent_again_and_costs_no_attempt(overcome):
-    run, status = overcome
+def test_goal_aborted_because_of_late_server_is_resent_without_using_attempt(recovered_run):
+    run, status = recovered_run
     assert status == 0, run.output
     assert any(f'"{LATE}"). The goal is sent again in 1 s.' in line for line in run.log), run.output
     assert run.log.count("Navigating to zone_b...") == 2
@@ -164,8 +166,8 @@ def test_a_goal_that_nav2_aborts_because_a_server_is_late_is_sent_again_and_cost
 
 
 @pytest.mark.costly
-def test_each_zone_is_reported_as_not_searched_because_nav2_did_not_answer_where_every_goal_is_aborted_late():
-    run, status = fly("navigate_to_pose:late=50ms", zones="[zone_a, zone_b]", options=["--speed", 50])
+def test_zones_are_abandoned_if_every_goal_is_aborted_because_of_late_server():
+    run, status = run_mission("navigate_to_pose:late=50ms", zones="[zone_a, zone_b]", options=["--speed", 50])
     assert status == 1, run.output
     missing = [line for line in run.output.splitlines() if line.startswith("  missing:")]
     assert len(missing) == 2, run.output

@@ -1,4 +1,4 @@
-"""`sar-run` as its users see it: what it refuses, what it waits for, how runs go wrong."""
+"""Tests of `sar-run`: rejected arguments, the wait for requirements, and runs with faults."""
 
 import re
 
@@ -11,24 +11,24 @@ from tests.trees import document
 pytestmark = pytest.mark.ros
 
 
-def refused(start, *arguments):
-    """Run a command that must end with status 2, and return what it printed."""
+def output_of_rejected_run(start, *arguments):
+    """Run a command that must end with status 2, and return its output."""
     run = start("sar-run", *arguments)
     assert run.end() == 2, run.output
     assert "Navigating" not in run.output
     return run.output
 
 
-def why(journal, capsys):
-    """Return what `sar-journal why` says of a journal, and check that there is none."""
+def explain_missing_journal(journal, capsys):
+    """Return the output of `sar-journal why` for a journal that does not exist."""
     assert not journal.exists()
     capsys.readouterr()
     assert journal_command(["why", str(journal)]) == 0
     return capsys.readouterr().out
 
 
-def ended(*arguments, speed=20):
-    """Fly in the simulator to the end; return the run and its exit status."""
+def run_to_end(*arguments, speed=20):
+    """Run in the simulator to the end; return the run and its exit status."""
     run = Command("sar-run", "--sim", "--speed", speed, *arguments)
     try:
         return run, run.end()
@@ -36,34 +36,36 @@ def ended(*arguments, speed=20):
         run.kill()
 
 
-def test_an_invalid_tree_is_refused_with_its_findings_before_anything_starts(start, tmp_path):
+def test_invalid_tree_is_rejected_with_findings_before_start(start, tmp_path):
     tree = tmp_path / "broken.xml"
     tree.write_text(document('<Sequence memory="ture"><NavigateToZne/></Sequence>'), encoding="utf-8")
-    output = refused(start, tree, "--sim")
+    output = output_of_rejected_run(start, tree, "--sim")
     assert f"{tree}:3:19: error[wrong-value]: memory: 'ture' is neither true nor false" in output
     assert "did you mean 'NavigateToZone'?" in output
     assert "service ready" not in output
 
 
-def test_a_name_that_ros_does_not_allow_is_refused_before_anything_moves(start, tmp_path):
+def test_invalid_ros_name_is_rejected_before_start(start, tmp_path):
     tree = tmp_path / "name.xml"
     tree.write_text(document('<NavigateToBase action="a b"/>'), encoding="utf-8")
-    assert "failed to resolve name" in refused(start, tree)
+    assert "failed to resolve name" in output_of_rejected_run(start, tree)
 
 
-def test_a_run_that_begins_forgets_the_refusal_of_the_one_before(start, tmp_path, capsys):
+def test_started_run_replaces_record_of_rejected_run(start, tmp_path, capsys):
     journal, tree = tmp_path / "m.journal", tmp_path / "tree.xml"
     tree.write_text(document("<Nothing/>"), encoding="utf-8")
-    refused(start, tree, "--journal", journal)
-    assert "error[unknown-node]" in why(journal, capsys)
+    output_of_rejected_run(start, tree, "--journal", journal)
+    assert "error[unknown-node]" in explain_missing_journal(journal, capsys)
     tree.write_text(document("<AlwaysFailure/>"), encoding="utf-8")
     assert start("sar-run", tree, "--journal", journal).end() == 1
     assert journal_command(["why", str(journal)]) == 0
     assert "did not begin" not in capsys.readouterr().out
 
 
-def test_a_tree_file_that_is_not_there_is_named(start):
-    assert "cannot read nowhere.xml: No such file or directory" in refused(start, "nowhere.xml")
+def test_missing_tree_file_is_named(start):
+    assert "cannot read nowhere.xml: No such file or directory" in output_of_rejected_run(
+        start, "nowhere.xml"
+    )
 
 
 @pytest.mark.parametrize(
@@ -99,8 +101,8 @@ def test_a_tree_file_that_is_not_there_is_named(start):
         (["--ros-args", "--nonsense"], "unknown ROS argument: --nonsense"),
     ],
 )
-def test_wrong_usage_is_refused_with_what_is_wrong(start, arguments, words):
-    assert words in refused(start, *arguments)
+def test_wrong_usage_is_rejected_with_reason(start, arguments, words):
+    assert words in output_of_rejected_run(start, *arguments)
 
 
 @pytest.mark.parametrize(
@@ -119,31 +121,31 @@ def test_wrong_usage_is_refused_with_what_is_wrong(start, arguments, words):
         ("tick_rate_hz: 2.0", "zone_order"),
     ],
 )
-def test_a_mistake_in_the_parameters_is_one_error_that_names_the_key(start, tmp_path, lines, words):
+def test_parameter_error_is_reported_once_with_key(start, tmp_path, lines, words):
     params = tmp_path / "params.yaml"
     params.write_text(f"/**:\n  ros__parameters:\n    {lines}\n", encoding="utf-8")
-    output = refused(start, "--sim", "--params", params)
+    output = output_of_rejected_run(start, "--sim", "--params", params)
     assert len(re.findall("^sar-run: ", output, re.MULTILINE)) == 1
     assert (
         re.search(rf"{re.escape(str(params))}:\d+:\d+: .*{re.escape(words)}", output) or words == params.name
     )
 
 
-def test_a_world_that_is_not_there_is_said_before_the_look_around(start):
-    assert "Looking whether" not in refused(start, "--sim", "moon")
+def test_missing_world_is_reported_before_check_for_other_simulations(start):
+    assert "Looking whether" not in output_of_rejected_run(start, "--sim", "moon")
 
 
-def test_a_file_for_another_node_says_whose_its_sections_are(start, tmp_path):
+def test_parameter_file_for_another_node_is_rejected_with_its_sections(start, tmp_path):
     params = tmp_path / "params.yaml"
     params.write_text("/robot1/search_and_rescue:\n  ros__parameters: {zone_order: [a]}\n", encoding="utf-8")
     for arguments in (["--params", params], ["--ros-args", "--params-file", params]):
         assert (
             "(the file's sections are for /robot1/search_and_rescue, but this node is /search_and_rescue)"
-        ) in refused(start, *arguments)
+        ) in output_of_rejected_run(start, *arguments)
 
 
 @pytest.mark.parametrize("use", ['Use.action("navigate_to_pose")', "Use.nav2()"])
-def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, capsys, use):
+def test_world_without_navigation_is_reported_at_once(start, tmp_path, capsys, use):
     (tmp_path / "drives.py").write_text(
         "from py_trees.behaviours import Dummy\nfrom sar_compiler.leaves import Kind, Use, register\n"
         f"@register('Drive', kind=Kind.ACTION, uses=[{use}])\n"
@@ -156,8 +158,9 @@ def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, ca
     journal = tmp_path / "m.journal"
     run = start("sar-run", tree, "--nodes", "drives", "--sim", "empty", "--journal", journal, env=path)
     assert run.end() == 3
-    assert "did not start (exit status 3): the mission cannot start:\n  Nav2: the world" in why(
-        journal, capsys
+    assert (
+        "did not start (exit status 3): the mission cannot start:\n  Nav2: the world"
+        in explain_missing_journal(journal, capsys)
     )
     assert (
         "sar-run: the mission cannot start:\n  Nav2: the world 'empty' has no map for navigation"
@@ -166,18 +169,20 @@ def test_a_world_in_which_nothing_navigates_is_named_at_once(start, tmp_path, ca
     assert "Waiting for" not in run.output
 
 
-def test_what_does_not_appear_in_time_is_named_and_has_a_status_of_its_own(start, tmp_path, capsys):
+def test_missing_requirements_are_named_at_startup_timeout_with_status_3(start, tmp_path, capsys):
     state = {"XDG_STATE_HOME": str(tmp_path)}
     run = start("sar-run", "--ros-args", "-p", "startup_timeout_sec:=1.0", env=state)
     assert run.end() == 3
     (refusal,) = tmp_path.rglob("*-refused")
-    assert "did not start (exit status 3): not ready after" in why(refusal.with_suffix(".journal"), capsys)
+    assert "did not start (exit status 3): not ready after" in explain_missing_journal(
+        refusal.with_suffix(".journal"), capsys
+    )
     for missing in ("amcl_pose", "bt_navigator", "navigate_to_pose", "detect_survivor", "report_survivor"):
         assert missing in run.output
 
 
 @pytest.mark.costly
-def test_only_what_is_missing_is_waited_for_and_the_mission_starts_when_it_comes(start):
+def test_mission_starts_when_missing_service_appears(start):
     start("sar-detect-survivor-server")
     start("sar-sim", "run", "--speed", 20)
     run = start(
@@ -195,7 +200,7 @@ def test_only_what_is_missing_is_waited_for_and_the_mission_starts_when_it_comes
     assert run.end() == 0, run.output
 
 
-def test_a_check_sees_that_everything_is_there_and_ends(start):
+def test_check_of_complete_setup_succeeds_and_shows_route(start):
     run = start("sar-run", "--sim", "--speed", 20, "--check")
     assert run.end() == 0
     assert run.output.endswith("All requirements are present.")
@@ -205,7 +210,7 @@ def test_a_check_sees_that_everything_is_there_and_ends(start):
     assert 25.0 < float(way[-1][1]) < 50.0
 
 
-def test_a_check_names_the_places_that_cannot_be_reached(start):
+def test_check_reports_unreachable_positions(start):
     run = start(
         "sar-run", "--sim", "--speed", 20, "--check", "--ros-args", "-p", "zones.zone_b.x:=99.0", "-p", "zones.zone_c.y:=0.0",
         "-p", "geofence:=[-3.2, -9.0, 9.0, -9.0, 9.0, 9.0, -3.2, 9.0]",
@@ -220,7 +225,7 @@ def test_a_check_names_the_places_that_cannot_be_reached(start):
         assert f"sar-run: {problem}" in run.output, run.output
 
 
-def test_a_check_looks_at_the_map_that_a_robot_publishes(start, ros):
+def test_check_uses_published_map(start, ros):
     from nav_msgs.msg import OccupancyGrid
     from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -230,7 +235,7 @@ def test_a_check_looks_at_the_map_that_a_robot_publishes(start, ros):
     grid.info.origin.position.x = grid.info.origin.position.y = -10.0
     grid.data = [0] * 1600
     ros.node("map_server").create_publisher(OccupancyGrid, "map", latched).publish(grid)
-    # So long the map may take to be found; of the robot there is nothing else, and the check waits for it to the end.
+    # The map must be discovered within the timeout. The rest of the robot is missing, so the check waits for all this time.
     run = start(
         "sar-run", "--check", "--ros-args", "-p", "startup_timeout_sec:=10.0", "-p", "zones.zone_b.x:=99.0"
     )
@@ -240,7 +245,7 @@ def test_a_check_looks_at_the_map_that_a_robot_publishes(start, ros):
 
 
 @pytest.mark.costly
-def test_a_check_does_not_tell_a_robot_where_it_is(start):
+def test_check_does_not_send_initial_pose(start):
     start("sar-sim", "run")
     start("sar-detect-survivor-server")
     start("sar-report-survivor-server")
@@ -252,19 +257,19 @@ def test_a_check_does_not_tell_a_robot_where_it_is(start):
 
 @pytest.fixture(scope="module")
 def one_zone():
-    """A flight to one zone, with the file of all of them and the tree shown; return the run, ended, and its status."""
-    return ended(
+    """Run to one zone, with the parameter file of all zones and the text view; return the completed run and its status."""
+    return run_to_end(
         "--params", "config/mission_params.yaml", "--view", "text", "--ros-args", "-p", "zone_order:=[zone_b]"
     )
 
 
-def test_a_later_parameter_on_the_command_line_wins_over_the_file(one_zone):
+def test_command_line_parameter_overrides_file(one_zone):
     run, status = one_zone
     assert status == 0, run.output
     assert "zones visited:   1 of 1 (zone_b)" in run.output
 
 
-def test_each_change_is_shown_once_in_a_line_with_the_time(one_zone):
+def test_text_view_shows_each_change_once_with_time(one_zone):
     run, status = one_zone
     assert status == 0
     lines = run.output.splitlines()
@@ -281,11 +286,11 @@ def test_each_change_is_shown_once_in_a_line_with_the_time(one_zone):
 
 
 @pytest.mark.parametrize("other", ["sar-sim", "sar-run"])
-def test_a_simulation_does_not_start_beside_another_one(start, other):
+def test_second_simulation_does_not_start(start, other):
     first = start("sar-sim", "run").wait_for("runs")
     second = start(other, *(["run"] if other == "sar-sim" else ["--sim"]))
     assert second.end() == 2, second.output
-    # Whichever of the two it has heard of first.
+    # The message depends on which of the two is discovered first.
     refusal = r"already provides (/clock|the action /navigate_to_pose) in this ROS domain"
     assert re.search(refusal, second.output), second.output
     assert first.stop() == 0, first.output
@@ -293,18 +298,18 @@ def test_a_simulation_does_not_start_beside_another_one(start, other):
 
 @pytest.fixture(scope="module")
 def unacknowledged():
-    """A flight whose first report is never answered, and whose second one is refused."""
-    return ended("--fault", "report_survivor:drop=1", "--fault", "report_survivor:refuse=1")
+    """Run with a first report that is never answered, and a second one that is rejected."""
+    return run_to_end("--fault", "report_survivor:drop=1", "--fault", "report_survivor:refuse=1")
 
 
 @pytest.mark.costly
-def test_a_report_without_an_answer_leaves_the_mission_incomplete(unacknowledged):
+def test_unanswered_report_leaves_mission_incomplete(unacknowledged):
     run, status = unacknowledged
     assert status == 1
     assert "The base station did not acknowledge survivor_1 in zone_a" in run.output
 
 
-def test_a_refused_report_leaves_the_mission_incomplete(unacknowledged):
+def test_rejected_report_leaves_mission_incomplete(unacknowledged):
     run, status = unacknowledged
     assert status == 1
     assert "The base station did not acknowledge survivor_2 in zone_c" in run.output
@@ -313,38 +318,38 @@ def test_a_refused_report_leaves_the_mission_incomplete(unacknowledged):
 
 @pytest.fixture(scope="module")
 def delayed():
-    """A flight with all that makes a mission late, and no more."""
+    """Run with faults that only delay the mission."""
     faults = ("navigate_to_pose:reject=1", "detect_survivor:delay=3", "navigate_to_pose:die@zone_c,back=5")
-    return ended(*(word for fault in faults for word in ("--fault", fault)))
+    return run_to_end(*(word for fault in faults for word in ("--fault", fault)))
 
 
-def test_a_rejected_goal_is_tried_again(delayed):
+def test_rejected_goal_is_retried(delayed):
     run, status = delayed
     assert status == 0, run.output
     assert "rejected" in run.output
 
 
-def test_a_slow_answer_is_waited_for(delayed):
+def test_slow_response_is_awaited(delayed):
     run, status = delayed
     assert status == 0, run.output
 
 
 @pytest.mark.costly
-def test_time_waits_for_a_mission_that_cannot_go_as_fast_as_asked_for():
-    run, status = ended(speed=1000)
+def test_simulated_time_waits_for_slow_mission():
+    run, status = run_to_end(speed=1000)
     assert status == 0, run.output
-    # What Fast DDS prints is none of the mission's failures.
+    # The output of Fast DDS is not part of the log.
     assert not any("failed" in line for line in run.log), run.output
 
 
-def test_a_server_that_disappears_and_comes_back_delays_the_mission(delayed):
+def test_mission_succeeds_after_server_disappears_and_returns(delayed):
     run, status = delayed
     assert status == 0, run.output
     assert "bt_navigator disappears" in run.output
 
 
 @pytest.mark.costly
-def test_a_zone_out_of_reach_is_tried_ever_more_rarely(start, witness):
+def test_pauses_between_attempts_at_unreachable_zone_increase(start, witness):
     watching = witness()
     limit = 60.0
     start("sar-sim", "run", "--speed", 10, "--fault", "navigate_to_pose:abort=zone_b")
@@ -358,11 +363,11 @@ def test_a_zone_out_of_reach_is_tried_ever_more_rarely(start, witness):
     assert run.end() == 1
     assert "The time limit of 1:00 has expired." in run.output
     assert "zone_b, zone_c and zone_d were not visited." in run.output
-    # To zone_a, and then to zone_b and back home in turns, each after pauses of 0, 1, 2, 4 and from then on 8 s.
+    # One goal for zone_a, then alternating goals for zone_b and home, after pauses of 0, 1, 2, 4 and then always 8 s.
     assert 8 < len(watching.goals()) <= 30
 
 
-def test_a_root_that_succeeds_does_not_make_an_incomplete_mission_a_success(start):
+def test_incomplete_mission_fails_even_if_root_succeeds(start):
     run = start("sar-run", "--sim", "--speed", 20, "--until", "success")
     assert run.end() == 1
     assert "the run has ended as requested, but the mission is incomplete" in run.output

@@ -1,4 +1,4 @@
-"""The whole mission over DDS, with the world, the servers and the mission in processes of their own."""
+"""Tests of the whole mission over DDS, with simulator, servers and mission in separate processes."""
 
 import math
 
@@ -68,8 +68,8 @@ REPORT_LOG = [
 ]
 
 
-def fly(start, witness, speed, namespace):
-    """Fly the mission and hold it against its contract; the robot may live in a namespace."""
+def check_contract(start, witness, speed, namespace):
+    """Run the mission and check its contract; the robot may have a namespace."""
     moved = (
         ["-r", f"__ns:={namespace}", "-r", "/tf:=tf", "-r", "/tf_static:=tf_static"]
         if namespace != "/"
@@ -85,12 +85,12 @@ def fly(start, witness, speed, namespace):
     )
     mission.wait_for("Mission complete.")
 
-    # Who joins now, after the mission, still gets both frames, and nothing else was ever named.
+    # A node that joins after the mission still receives both frames, and no other frame.
     topic = "tf_static" if namespace != "/" else "/tf_static"
     frames = watching.frames(["survivor_1", "survivor_2"], topic)
     assert frames == {"survivor_1": ("map", -2.5, 3.2), "survivor_2": ("map", 4.1, -2.5)}
 
-    # A complete mission idles until somebody ends it, which is then no failure.
+    # A complete mission idles until it is stopped, which is no failure.
     status = mission.stop()
     assert status == 0, mission.output
 
@@ -109,19 +109,19 @@ def fly(start, witness, speed, namespace):
 
 @pytest.mark.ros
 @pytest.mark.parametrize("namespace", ["/", pytest.param("/robot1", marks=pytest.mark.costly)])
-def test_the_mission_keeps_its_contract(start, witness, namespace):
-    # Time does not wait for a mission in another process: an answer may take 5 simulated seconds.
-    fly(start, witness, speed=5, namespace=namespace)
+def test_mission_fulfils_contract(start, witness, namespace):
+    # Simulated time does not wait for a mission in another process, whose responses may take at most 5 simulated seconds.
+    check_contract(start, witness, speed=5, namespace=namespace)
 
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_the_mission_keeps_its_contract_in_real_time(start, witness):
-    fly(start, witness, speed=1, namespace="/")
+def test_mission_fulfils_contract_in_real_time(start, witness):
+    check_contract(start, witness, speed=1, namespace="/")
 
 
 @pytest.mark.ros
-def test_one_command_flies_the_whole_mission_and_sums_it_up(start):
+def test_one_command_runs_whole_mission_and_prints_summary(start):
     run = start("sar-run", "--sim", "--speed", 20)
     assert run.end() == 0, run.output
     assert (
@@ -142,7 +142,7 @@ def test_one_command_flies_the_whole_mission_and_sums_it_up(start):
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_the_mission_flies_with_py_trees_ros_by_its_published_interface(start):
+def test_mission_runs_with_stand_in_of_py_trees_ros(start):
     run = start(
         "sar-run", "--sim", "--speed", 20, "--engine", "py_trees_ros", env={"PYTHONPATH": "tests/stand_ins"}
     )

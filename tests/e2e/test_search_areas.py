@@ -1,4 +1,4 @@
-"""The tree that chooses where to look first, flown in the simulator: by the planner's ways, which walls make long."""
+"""Tests of the tree that chooses the next zone by the lengths of planned paths, in the simulator."""
 
 import shutil
 from pathlib import Path
@@ -22,7 +22,7 @@ WITHOUT_WALLS = ["likely", "behind_wall", "on_this_side"]
 WITH_WALLS = ["likely", "on_this_side", "behind_wall"]
 
 
-def test_the_zone_behind_a_wall_comes_later_than_a_straight_line_says(start, tmp_path):
+def test_zone_behind_wall_is_searched_later_than_by_straight_distance(start, tmp_path):
     params, place = tmp_path / "params.yaml", tmp_path / "m.journal"
     params.write_text(PARAMETERS, encoding="utf-8")
     run = start("sar-run", "search_areas", "--sim", "--speed", "20", "--params", params, "--journal", place)
@@ -36,21 +36,21 @@ def test_the_zone_behind_a_wall_comes_later_than_a_straight_line_says(start, tmp
     assert show.end() == 0
     facts = [line.split() for line in show.output.splitlines()]
     assert [words[-1] for words in facts if "zone_chosen" in words] == WITH_WALLS
-    # The planner moves nothing: nobody has to cancel what it was asked.
+    # Goals of the planner move nothing, need no cancellation, and are not recorded.
     goals = [words for words in facts if "goal_sent" in words]
     assert len(goals) == len(WITH_WALLS) + 1
     assert all("/navigate_to_pose," in words for words in goals)
 
 
 @pytest.mark.costly
-def test_a_robot_far_from_home_charges_at_the_place_that_is_nearer_and_goes_on(start, tmp_path):
+def test_robot_charges_at_nearer_dock_and_continues(start, tmp_path):
     params, world, place = (tmp_path / name for name in ("params.yaml", "world.yaml", "m.journal"))
     dock = (
         "    energy: {per_m: 0.02, per_sec: 0.0001}\n    charging:\n      dock: {x: 5.2, y: -1.5, yaw: 0.0}\n"
     )
     given = Path("config/search_areas_params.yaml").read_text(encoding="utf-8")
     params.write_text(f"{given}\n{dock}", encoding="utf-8")
-    # What is in the battery suffices for zone_c, near the dock, and not for the next one after it.
+    # The battery suffices for zone_c, near the dock, but not for the next zone.
     battery = (
         "battery: {per_m: 0.02, per_sec: 0.0001, share: 0.55, swap_sec: 5.0, places: [{x: 5.2, y: -1.5}]}"
     )

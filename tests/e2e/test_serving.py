@@ -1,4 +1,4 @@
-"""`sar-run --serve`, as a client of BehaviorTree.ROS2's server uses it."""
+"""Tests of `sar-run --serve` with a client for the tree server of BehaviorTree.ROS2."""
 
 import json
 import signal
@@ -27,7 +27,7 @@ IDLE, SUCCESS, FAILURE = 0, 2, 3
 
 
 class Client:
-    """What asks a server of trees for runs."""
+    """A client that requests runs from a tree server."""
 
     def __init__(self, ros):
         from btcpp_ros2_interfaces.action import ExecuteTree
@@ -40,17 +40,17 @@ class Client:
         self._action = ActionClient(self.node, ExecuteTree, "bt_execution")
         self.told = []
 
-    def answer(self, future, what):
+    def result_of(self, future, what):
         self._ros.spin_until(future.done, what)
         return future.result()
 
     def call(self, kind, name, request):
         client = self.node.create_client(kind, name)
         self._ros.spin_until(client.service_is_ready, name)
-        return self.answer(client.call_async(request), f"the answer of {name}")
+        return self.result_of(client.call_async(request), f"the answer of {name}")
 
     def listen(self, kind, topic):
-        """Return the list that grows by what is published."""
+        """Return a list to which published messages are appended."""
         heard: list[Any] = []
         self.node.create_subscription(kind, topic, heard.append, 100)
         return heard
@@ -60,32 +60,32 @@ class Client:
 
     def trees(self):
         self._ros.spin_until(self._trees.service_is_ready, "the server's service")
-        return self.answer(self._trees.call_async(self._trees.srv_type.Request()), "the trees").tree_ids
+        return self.result_of(self._trees.call_async(self._trees.srv_type.Request()), "the trees").tree_ids
 
-    def ask(self, tree, payload=""):
+    def send_goal(self, tree, payload=""):
         self._ros.spin_until(self._action.server_is_ready, "the server's action")
         goal = self._kind.Goal(target_tree=tree, payload=payload)
         sent = self._action.send_goal_async(
             goal, lambda told: self.told.extend(told.feedback.message.splitlines())
         )
-        return self.answer(sent, "the answer to a goal")
+        return self.result_of(sent, "the answer to a goal")
 
-    def hear(self, text):
+    def wait_for_feedback(self, text):
         try:
             self._ros.spin_until(lambda: any(text in line for line in self.told), f"feedback: {text}")
         except AssertionError:
             pytest.fail(f"no feedback with {text!r}, only {self.told[-20:]}")
 
     def cancel(self, goal):
-        self.answer(goal.cancel_goal_async(), "the answer to a cancellation")
+        self.result_of(goal.cancel_goal_async(), "the answer to a cancellation")
 
     def end(self, goal):
-        """Return the status of the goal, that of the tree, and the message."""
-        found = self.answer(goal.get_result_async(), "the end of a goal")
+        """Wait for the result; return the status of the goal, the status of the tree, and the message."""
+        found = self.result_of(goal.get_result_async(), "the end of a goal")
         return found.status, found.result.node_status.status, found.result.return_message
 
     def run(self, tree, payload=""):
-        return self.end(self.ask(tree, payload))
+        return self.end(self.send_goal(tree, payload))
 
 
 @pytest.fixture
@@ -95,14 +95,14 @@ def client(ros):
 
 @pytest.fixture
 def serve(start, tmp_path):
-    def begin(*texts, options=()):
+    def start_server(*texts, options=()):
         paths = []
         for number, text in enumerate(texts):
             paths.append(tmp_path / f"tree_{number}.xml")
             paths[-1].write_text(text, encoding="utf-8")
         return start("sar-run", "--serve", *paths, *options)
 
-    return begin
+    return start_server
 
 
 def state_of(client):
@@ -111,8 +111,8 @@ def state_of(client):
     return client.call(GetState, "sar_tree_server/get_state", GetState.Request()).current_state.label
 
 
-def change(client, label, *, by_label=False):
-    """Ask for a transition, by its number as Nav2's manager does, or by its label; return whether it was made."""
+def request_transition(client, label, *, by_label=False):
+    """Request a transition, by its number like Nav2's manager, or by its label; return whether it succeeded."""
     from lifecycle_msgs.msg import Transition
     from lifecycle_msgs.srv import ChangeState
 
@@ -124,16 +124,16 @@ def change(client, label, *, by_label=False):
 
 
 @pytest.mark.costly
-def test_a_client_starts_trees_by_their_names_one_after_the_other(client, serve):
+def test_client_runs_trees_by_name_one_after_another(client, serve):
     server = serve(SHORT, FAILING)
     assert client.trees() == ["Failing", "Short"]
     assert client.run("Failing") == (ABORTED, FAILURE, "The root of the tree ended with FAILURE.")
     server.wait_for("Starting a run of 'Failing'.")
     server.wait_for("Run of 'Failing' ended with FAILURE: The root of the tree ended with FAILURE.")
-    # Nobody hears what is published before he is known of, which he is by now, or what comes behind the end that he has asked for.
+    # Feedback arrives only after discovery, which is complete by now, and before the result that the client has requested.
     client.told.clear()
-    goal = client.ask("Short")
-    client.hear("Look SUCCESS")
+    goal = client.send_goal("Short")
+    client.wait_for_feedback("Look SUCCESS")
     status, root, said = client.end(goal)
     assert (status, root) == (SUCCEEDED, SUCCESS)
     assert json.loads(said)["status"] == 0
@@ -150,37 +150,37 @@ def test_a_client_starts_trees_by_their_names_one_after_the_other(client, serve)
     assert server.end() == 0
 
 
-def test_a_goal_that_is_cancelled_ends_its_run(client, serve):
+def test_canceled_goal_ends_its_run(client, serve):
     server = serve(LONG)
-    goal = client.ask("Long")
-    client.hear("Wait RUNNING")
+    goal = client.send_goal("Long")
+    client.wait_for_feedback("Wait RUNNING")
     (run,) = children_of(server.pid)
     client.cancel(goal)
     status, root, said = client.end(goal)
     assert (status, root) == (CANCELED, IDLE)
     assert said == "the run was stopped"
     wait_for_end_of(run)
-    # The next one can come.
-    client.cancel(client.ask("Long"))
+    # The server accepts the next goal.
+    client.cancel(client.send_goal("Long"))
 
 
-def test_what_cannot_be_begun_is_refused_and_the_log_says_why(client, serve):
+def test_invalid_goal_is_rejected_with_reason_in_log(client, serve):
     server = serve(LONG, SHORT, ZONES)
-    assert not client.ask("Shrt").accepted
+    assert not client.send_goal("Shrt").accepted
     server.wait_for("); did you mean 'Short'?")
-    assert not client.ask("Short", "patience: 3").accepted
+    assert not client.send_goal("Short", "patience: 3").accepted
     server.wait_for("Goal refused: the payload is not JSON")
-    assert not client.ask("Short", json.dumps({"a\0b": 1})).accepted
+    assert not client.send_goal("Short", json.dumps({"a\0b": 1})).accepted
     server.wait_for("Goal refused: the payload has an invalid parameter name 'a\\x00b'. Use only letters")
-    assert not client.ask("Zones", json.dumps({"areas_file": "/etc/passwd"})).accepted
+    assert not client.send_goal("Zones", json.dumps({"areas_file": "/etc/passwd"})).accepted
     server.wait_for("Goal refused: the payload cannot set areas_file, because it is a file path")
-    assert client.ask("Long").accepted
-    assert not client.ask("Short").accepted
+    assert client.send_goal("Long").accepted
+    assert not client.send_goal("Short").accepted
     server.wait_for("Goal refused: a mission is running")
 
 
 @pytest.mark.costly
-def test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them(client, serve):
+def test_payload_sets_parameters_and_result_reports_their_errors(client, serve):
     serve(TIMED)
     assert client.run("Timed", '{"patience_msec": 10}')[:2] == (SUCCEEDED, SUCCESS)
     status, root, said = client.run("Timed", '{"tick_rate_hz": -1.0}')
@@ -188,10 +188,10 @@ def test_the_payload_has_parameters_and_the_result_says_what_is_wrong_with_them(
     assert "sar-run: parameter tick_rate_hz: " in said
 
 
-def test_whoever_serves_ends_its_run_in_order_when_it_is_stopped(client, serve):
+def test_stopped_server_ends_its_run(client, serve):
     server = serve(LONG)
-    goal = client.ask("Long")
-    client.hear("Wait RUNNING")
+    goal = client.send_goal("Long")
+    client.wait_for_feedback("Wait RUNNING")
     (run,) = children_of(server.pid)
     server.send(signal.SIGTERM)
     assert client.end(goal)[:2] == (ABORTED, IDLE)
@@ -199,69 +199,69 @@ def test_whoever_serves_ends_its_run_in_order_when_it_is_stopped(client, serve):
     wait_for_end_of(run)
 
 
-def test_a_run_does_not_outlive_a_server_that_is_killed(client, serve):
+def test_run_does_not_outlive_killed_server(client, serve):
     server = serve(LONG)
-    client.ask("Long")
-    client.hear("Wait RUNNING")
+    client.send_goal("Long")
+    client.wait_for_feedback("Wait RUNNING")
     (run,) = children_of(server.pid)
     server.kill()
     wait_for_end_of(run)
 
 
-def test_a_lifecycle_manager_decides_when_goals_are_taken(client, serve):
+def test_managed_server_accepts_goals_only_while_active(client, serve):
     server = serve(LONG, options=["--managed"])
     assert state_of(client) == "unconfigured"
     assert client.trees() == []
-    assert not client.ask("Long").accepted
-    assert change(client, "configure")
+    assert not client.send_goal("Long").accepted
+    assert request_transition(client, "configure")
     assert client.trees() == ["Long"]
-    assert not client.ask("Long").accepted
+    assert not client.send_goal("Long").accepted
     server.wait_for("Goal refused: this node is not active")
-    assert change(client, "activate")
-    goal = client.ask("Long")
-    client.hear("Wait RUNNING")
-    # Nobody can hold this tree.
-    assert change(client, "deactivate")
+    assert request_transition(client, "activate")
+    goal = client.send_goal("Long")
+    client.wait_for_feedback("Wait RUNNING")
+    # This tree has no command to pause it.
+    assert request_transition(client, "deactivate")
     server.wait_for(
         "The mission is stopped, because it cannot be paused: the mission has no command to pause it"
     )
     assert client.end(goal)[:2] == (ABORTED, IDLE)
-    assert change(client, "cleanup")
+    assert request_transition(client, "cleanup")
     assert client.trees() == []
 
 
 @pytest.mark.costly
-def test_a_transition_that_there_is_not_is_refused_and_the_mission_goes_on(client, serve):
+def test_invalid_transition_is_rejected_and_mission_continues(client, serve):
     server = serve(LONG, options=["--managed"])
-    assert change(client, "configure")
-    assert change(client, "activate")
-    goal = client.ask("Long")
-    client.hear("Wait RUNNING")
-    assert not change(client, "configure", by_label=True)
-    assert not change(client, "configure")
+    assert request_transition(client, "configure")
+    assert request_transition(client, "activate")
+    goal = client.send_goal("Long")
+    client.wait_for_feedback("Wait RUNNING")
+    assert not request_transition(client, "configure", by_label=True)
+    assert not request_transition(client, "configure")
     server.wait_for("Refused: the state 'active' has no transition 1.")
     assert state_of(client) == "active"
     client.cancel(goal)
     assert client.end(goal)[0] == CANCELED
 
 
-def test_a_lifecycle_manager_hears_by_a_bond_that_the_server_is_alive(client, serve):
+def test_managed_server_has_bond_while_active(client, serve):
     from bond.msg import Status
 
     heard = client.listen(Status, "bond")
     server = serve(LONG, options=["--managed"])
-    assert change(client, "configure")
+    assert request_transition(client, "configure")
     assert heard == []
-    assert change(client, "activate")
+    assert request_transition(client, "activate")
     client.wait_for(lambda: len(heard) > 1, "two beats of the bond")
     assert {(each.id, each.active) for each in heard} == {("sar_tree_server", True)}
     (end,) = {each.instance_id for each in heard}
-    assert change(client, "deactivate")
+    assert request_transition(client, "deactivate")
     client.wait_for(lambda: not heard[-1].active, "the bond's end")
     assert heard[-1].instance_id == end
     heard.clear()
-    # To its manager it is another one now.
-    assert change(client, "activate")
+    # For the manager, this is a new bond.
+    assert request_transition(client, "activate")
     client.wait_for(lambda: heard, "a beat of a new bond")
     assert (heard[0].active, heard[0].instance_id == end) == (True, False)
     server.send(signal.SIGINT)
@@ -269,35 +269,33 @@ def test_a_lifecycle_manager_hears_by_a_bond_that_the_server_is_alive(client, se
     assert server.end() == 0
 
 
-def test_where_there_is_no_package_of_bonds_a_manager_is_told_to_do_without(
-    client, serve, tmp_path, monkeypatch
-):
+def test_missing_bond_package_is_reported_and_server_can_be_activated(client, serve, tmp_path, monkeypatch):
     (tmp_path / "bond.py").touch()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     server = serve(LONG, options=["--managed"])
     server.wait_for("This node has no bond, because the ROS package 'bond' is not installed")
-    assert change(client, "configure")
-    assert change(client, "activate")
+    assert request_transition(client, "configure")
+    assert request_transition(client, "activate")
 
 
-def test_a_server_that_nobody_manages_has_no_bond(client, serve):
+def test_unmanaged_server_has_no_bond(client, serve):
     serve(LONG)
     assert client.trees() == ["Long"]
     assert client.node.count_publishers("bond") == 0
 
 
 @pytest.mark.costly
-def test_a_mission_is_held_while_its_server_is_not_active(client, start, tmp_path):
+def test_mission_is_paused_while_server_is_inactive(client, start, tmp_path):
     journal = tmp_path / "run.journal"
     options = ["--sim", "--speed", "5", "--managed", "--journal", journal]
     server = start("sar-run", "--serve", "search_and_rescue_guarded", *options)
-    assert change(client, "configure")
-    assert change(client, "activate")
-    goal = client.ask("GuardedSearchAndRescue")
-    client.hear("NavigateToZone RUNNING")
-    assert change(client, "deactivate")
-    client.hear("Hold RUNNING")
-    assert change(client, "activate")
+    assert request_transition(client, "configure")
+    assert request_transition(client, "activate")
+    goal = client.send_goal("GuardedSearchAndRescue")
+    client.wait_for_feedback("NavigateToZone RUNNING")
+    assert request_transition(client, "deactivate")
+    client.wait_for_feedback("Hold RUNNING")
+    assert request_transition(client, "activate")
     assert client.end(goal)[:2] == (SUCCEEDED, SUCCESS)
     server.send(signal.SIGINT)
     assert server.end() == 0
@@ -309,26 +307,26 @@ def test_a_mission_is_held_while_its_server_is_not_active(client, start, tmp_pat
     ]
 
 
-def test_a_tree_that_is_wrong_is_told_of_before_anybody_can_start_it(serve):
+def test_invalid_tree_ends_server_at_start(serve):
     server = serve(SHORT, document("<Sleep/>", main="Wrong"))
     assert server.end() == 2
     assert "tree_1.xml cannot be run with these options:" in server.output
     assert "missing-attribute" in server.output
 
 
-def test_a_tree_without_a_name_is_refused(serve):
+def test_tree_without_id_is_rejected(serve):
     server = serve(SHORT.replace(' ID="Short"', ""))
     assert server.end() == 2
     assert "has no ID, so goals cannot refer to the tree. Add ID=" in server.output
 
 
-def test_two_trees_of_one_name_are_refused(serve):
+def test_two_trees_with_same_id_are_rejected(serve):
     server = serve(SHORT, SHORT)
     assert server.end() == 2
     assert "both have a tree 'Short'" in server.output
 
 
-def test_a_fault_that_there_is_not_ends_the_server_before_anybody_can_start_a_run(start):
+def test_invalid_fault_ends_server_at_start(start):
     server = start("sar-run", "--serve", "search_and_rescue", "--sim", "--fault", "navigate_to_pose:abort")
     assert server.end() == 2
     assert "fault 'navigate_to_pose:abort': expected" in server.output
@@ -342,7 +340,7 @@ def test_a_fault_that_there_is_not_ends_the_server_before_anybody_can_start_a_ru
         (["search_and_rescue", "--managed"], "--managed requires --serve TREE"),
     ],
 )
-def test_options_that_do_not_go_with_serving_are_named(start, options, said):
+def test_options_that_conflict_with_serving_are_rejected(start, options, said):
     run = start("sar-run", *options)
     assert run.end() == 2
     assert said in run.output

@@ -1,4 +1,4 @@
-"""`sar-sim sweep`: real missions in the simulator, many times."""
+"""Tests of `sar-sim sweep`, which runs missions in the simulator repeatedly."""
 
 import json
 import os
@@ -28,25 +28,25 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def wait_for_flights(sweep, count):
-    """Return the processes that fly missions for a sweep, once there are so many."""
+def wait_for_runs(sweep, count):
+    """Return the processes that run missions for a sweep, once there are at least `count` of them."""
 
-    def flights():
+    def run_processes():
         found = children_of(sweep.pid, "sar_run")
         return found if len(found) >= count else []
 
     news = News()
     with news:
-        return news.wait_until(flights, lambda: "no flights begin")
+        return news.wait_until(run_processes, lambda: "no runs start")
 
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_is_flown_again(start):
+def test_missions_run_for_each_set_of_faults_and_killed_run_is_repeated(start):
     mixes = ["--fault", "none", "--fault", f"{REFUSED} detect_survivor:delay=1"]
     wanted = ["-o", "small.sh", "--vary", "zone_order=[zone_a]", "--runs", 1, "--jobs", 2, "--format", "json"]
     sweep = start("sar-sim", "sweep", "search_and_rescue", *mixes, *wanted)
-    os.kill(wait_for_flights(sweep, 1)[0], signal.SIGKILL)
+    os.kill(wait_for_runs(sweep, 1)[0], signal.SIGKILL)
     assert sweep.end() == 1, sweep.output
     result = json.loads(sweep.output)
     rows = result["rows"]
@@ -61,7 +61,7 @@ def test_missions_are_flown_for_each_mix_of_faults_and_a_flight_that_is_killed_i
 
 @pytest.fixture
 def one_zone():
-    """Short flights, by processes that end with the test."""
+    """Return short runs, in processes that end with the test."""
     with simulated_runs.mission_threads(1):
         arguments = ("search_and_rescue", "--sim", "--speed", "1000")
         yield simulated_runs.SimulatedRuns(PROGRAM, arguments, ros=("-p", "zone_order:=[zone_a]"))
@@ -69,7 +69,7 @@ def one_zone():
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_first(one_zone):
+def test_one_process_runs_several_missions_with_reproducible_results(one_zone):
     outcomes = [*one_zone([7]), *one_zone([8, 7])]
     assert [each.failure for each in outcomes] == ["", "", ""]
     assert outcomes[0].counts == outcomes[2].counts
@@ -78,7 +78,7 @@ def test_a_process_flies_one_mission_after_the_other_and_each_as_if_it_was_the_f
     assert len(simulated_runs._idle_processes) == 1
 
 
-def test_a_process_that_ends_before_it_answers_has_flown_nothing(monkeypatch):
+def test_run_without_result_raises_error(monkeypatch):
     monkeypatch.setattr(
         simulated_runs,
         "_execute_run",
@@ -90,7 +90,7 @@ def test_a_process_that_ends_before_it_answers_has_flown_nothing(monkeypatch):
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
+def test_seed_determines_detection_and_its_simulated_time():
     arguments = ("search_areas", "--sim", "--speed", "1000", "--params", str(AREAS))
     only = ("-p", "zone_order:=[zone_c]", "-p", "hidden_survivor:=true")
     area = {"zone_c": SearchExpectation(0.5, 0.7)}
@@ -105,13 +105,13 @@ def test_who_hides_is_found_by_the_seed_and_when_in_the_time_of_the_flight():
     with simulated_runs.mission_threads(1):
         found, missed = simulated_runs.SimulatedRuns(PROGRAM, arguments, ros=only)(seeds)
     assert (found.counts["survivors found"], missed.counts["survivors found"]) == (1, 0)
-    # 5 m at 0.6 m/s, and never the time of the wall, which is a fraction of it.
+    # 5 m at 0.6 m/s in simulated time; the wall time is only a fraction of it.
     assert 8.0 < found.counts["first detection after"] < found.time_sec
     assert "first detection after" not in missed.counts
 
 
 @pytest.mark.ros
-def test_flights_go_on_with_an_rclpy_that_has_no_executor_of_events(monkeypatch):
+def test_single_threaded_executor_replaces_missing_events_executor(monkeypatch):
     from rclpy.context import Context
     from rclpy.executors import SingleThreadedExecutor
 
@@ -125,31 +125,31 @@ def test_flights_go_on_with_an_rclpy_that_has_no_executor_of_events(monkeypatch)
 
 
 @pytest.mark.usefixtures("one_zone")
-def test_a_process_that_has_died_between_two_missions_is_replaced():
+def test_crashed_idle_process_is_replaced():
     dead = simulated_runs.RunProcessSlot(PROGRAM)
     dead.stop()
     dead._process.wait()
     simulated_runs._idle_processes.append(dead)
-    flown = simulated_runs._execute_run(PROGRAM, ["--tee"])
-    assert flown.status == 2
-    assert flown.problem == "sar-run: error: unrecognized arguments: --tee; did you mean '--tree'?"
+    run_result = simulated_runs._execute_run(PROGRAM, ["--tee"])
+    assert run_result.status == 2
+    assert run_result.problem == "sar-run: error: unrecognized arguments: --tee; did you mean '--tree'?"
     assert dead not in simulated_runs._idle_processes
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
-def test_a_signal_stops_the_flights_and_shows_what_is_known(start, number, status):
+def test_signal_stops_runs_and_shows_partial_result(start, number, status):
     sweep = start("sar-sim", "sweep", "search_and_rescue", "--runs", 9, "--jobs", 2)
-    flying = wait_for_flights(sweep, 2)
+    workers = wait_for_runs(sweep, 2)
     sweep.send(number)
     assert sweep.end() == status, sweep.output
     assert sweep.output.startswith("runs  success")
     assert sweep.output.endswith(f"sweep: stopped by {number.name}")
-    assert not any(Path(f"/proc/{each}").exists() for each in flying)
+    assert not any(Path(f"/proc/{each}").exists() for each in workers)
 
 
 @pytest.mark.ros
-def test_the_flights_are_stopped_when_their_time_is_over_and_what_is_known_is_shown(start):
+def test_time_limit_stops_runs_and_shows_partial_result(start):
     sweep = start("sar-sim", "sweep", "search_and_rescue", "--runs", 9, "--jobs", 2, "--max-seconds", 2)
     assert sweep.end() == 1, sweep.output
     assert "runs  success" in sweep.output
@@ -164,7 +164,7 @@ def test_the_flights_are_stopped_when_their_time_is_over_and_what_is_known_is_sh
         (["--vary", "zone_order"], "'zone_order' is not NAME=VALUE,VALUE"),
     ],
 )
-def test_what_cannot_be_flown_is_said_before_anything_starts(arguments, words, capsys):
+def test_invalid_arguments_are_rejected(arguments, words, capsys):
     try:
         assert main(["sweep", "search_and_rescue", *arguments]) == 2
     except SystemExit as end:
@@ -173,7 +173,7 @@ def test_what_cannot_be_flown_is_said_before_anything_starts(arguments, words, c
 
 
 @pytest.mark.ros
-def test_a_flight_that_cannot_begin_ends_the_sweep_with_its_message(capsys):
+def test_run_that_cannot_start_ends_sweep_with_its_message(capsys):
     status = main(
         ["sweep", "search_and_rescue", "--vary", "zone_order=[zone_x]", "--jobs", "1", "--runs", "1"]
     )

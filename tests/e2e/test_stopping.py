@@ -1,4 +1,4 @@
-"""Whatever ends a run, the robot is left standing and the exit status says what happened."""
+"""Tests of stopped and failed runs: the goal is canceled, and the exit status states the reason."""
 
 import signal
 
@@ -21,7 +21,7 @@ ONE_ZONE = ("--ros-args", "-p", "zone_order:=[zone_b]")
         ),
     ],
 )
-def test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time(start, witness, number, expected):
+def test_run_stopped_during_navigation_cancels_its_goal(start, witness, number, expected):
     watching = witness()
     start("sar-sim", "run")
     start("sar-detect-survivor-server")
@@ -36,7 +36,7 @@ def test_a_run_stopped_on_the_way_cancels_its_goal_and_ends_in_time(start, witne
     assert "missing:         zone_a, zone_b, zone_c and zone_d were not visited." in mission.output
 
 
-def test_a_run_stopped_on_the_way_home_says_what_was_missing(start):
+def test_run_stopped_on_the_way_home_reports_missing_return(start):
     run = start("sar-run", "--sim", "--speed", 10, *ONE_ZONE).wait_for("Navigating to base station...")
     status = run.stop()
     assert status == 130
@@ -47,19 +47,19 @@ def test_a_run_stopped_on_the_way_home_says_what_was_missing(start):
     "moment",
     ["DetectSurvivor service ready.", "Base station at", "Nav2 is active.", "Navigating to zone_a..."],
 )
-def test_ctrl_c_ends_a_simulated_run_at_any_moment_without_a_traceback(start, moment):
+def test_ctrl_c_ends_simulated_run_at_any_time(start, moment):
     run = start("sar-run", "--sim").wait_for(moment)
     status = run.stop()
     assert status == 130, run.output
 
 
-def test_ctrl_c_while_waiting_for_nav2_ends_the_wait(start):
+def test_ctrl_c_ends_wait_for_nav2(start):
     run = start("sar-run").wait_for("Base station at")
     status = run.stop()
     assert status == 130, run.output
 
 
-def test_a_complete_mission_that_idles_ends_with_success(start):
+def test_complete_mission_stopped_while_idle_succeeds(start):
     run = start("sar-run", "--sim", "--speed", 20, "--until", "forever", *ONE_ZONE).wait_for(
         "Mission complete."
     )
@@ -67,7 +67,7 @@ def test_a_complete_mission_that_idles_ends_with_success(start):
     assert status == 0, run.output
 
 
-def test_a_leaf_that_raises_ends_the_run_and_is_named(start, tmp_path):
+def test_leaf_that_raises_ends_run_and_is_named(start, tmp_path):
     leaves = tmp_path / "failing_leaves.py"
     leaves.write_text(
         "from py_trees.behaviour import Behaviour\n"
@@ -92,7 +92,7 @@ def test_a_leaf_that_raises_ends_the_run_and_is_named(start, tmp_path):
 
 
 @pytest.mark.ros
-def test_a_signal_during_the_look_around_ends_the_run_before_anything_is_started(start, witness):
+def test_signal_during_check_for_other_simulations_ends_run_before_start(start, witness):
     witness()
     run = start("sar-run", "--sim").wait_for("Checking for other simulations")
     run.send(signal.SIGINT)

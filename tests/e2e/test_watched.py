@@ -1,4 +1,4 @@
-"""`sar-run` as others watch it."""
+"""Tests of observers of `sar-run`: Groot2, recordings and published states."""
 
 import signal
 import subprocess
@@ -14,7 +14,7 @@ from tests.trees import document
 
 pytestmark = pytest.mark.ros
 
-# It needs no server, and goes on for ever.
+# The tree needs no server, and never ends.
 WAITING = document('<Sequence name="Wait"><Sleep msec="1000000"/></Sequence>')
 IDLE, RUNNING = 0, 1
 
@@ -26,7 +26,7 @@ def tree(tmp_path):
     return path
 
 
-def test_groot2_sees_a_mission(start, tree):
+def test_groot2_client_receives_state_of_mission(start, tree):
     port = free_port()
     run = start("sar-run", tree, "--view", "text", "--groot2", port).wait_for("Wait RUNNING")
     with closing(Client(port)) as client:
@@ -35,7 +35,7 @@ def test_groot2_sees_a_mission(start, tree):
     run.stop()
 
 
-def test_a_port_that_is_taken_ends_the_run_before_it_begins(start, tree):
+def test_port_in_use_ends_run_before_start(start, tree):
     port = free_port()
     start("sar-run", tree, "--view", "text", "--groot2", port).wait_for("Wait RUNNING")
     second = start("sar-run", tree, "--groot2", port)
@@ -44,14 +44,14 @@ def test_a_port_that_is_taken_ends_the_run_before_it_begins(start, tree):
 
 
 @pytest.mark.parametrize("library", ["zmq", "msgpack"])
-def test_without_its_extra_groot2_names_it(library, tree):
+def test_missing_groot2_library_is_reported_with_extra(library, tree):
     status, said = run_without(library, "sar_compiler.cli.run:main", str(tree), "--groot2", "1667")
     assert (status, "Traceback" in said) == (2, False), said
     assert f"sar-run: --groot2 needs a library that is missing (import of {library}" in said
     assert "pip install 'sar_compiler[groot2]'" in said
 
 
-def test_a_run_is_recorded_from_its_beginning_to_its_end(start, tree, tmp_path):
+def test_run_is_recorded_from_start_to_end(start, tree, tmp_path):
     from tests.ros.test_mission_recording import read
 
     file = tmp_path / "run.mcap"
@@ -64,13 +64,13 @@ def test_a_run_is_recorded_from_its_beginning_to_its_end(start, tree, tmp_path):
     assert f"sar-run: --record: {file} already exists and is not overwritten" in again.output
 
 
-def test_a_recording_has_its_ending(tree):
+def test_recording_must_have_mcap_file_name(tree):
     status, said = run_without("nothing", "sar_compiler.cli.run:main", str(tree), "--record", "out/run.bag")
     assert status == 2
     assert "--record writes an MCAP file, whose name must end with .mcap, such as out/run.mcap" in said
 
 
-def test_a_mission_is_published_until_its_end(start, tree, ros):
+def test_mission_is_published_until_its_end(start, tree, ros):
     from nav2_msgs.msg import BehaviorTreeLog
     from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -85,7 +85,7 @@ def test_a_mission_is_published_until_its_end(start, tree, ros):
     run.end()
 
 
-def test_what_watching_takes_is_imported_only_where_it_is_asked_for():
+def test_observer_libraries_are_not_imported_by_default():
     libraries = ("zmq", "msgpack", "mcap", "diagnostic_msgs", "visualization_msgs", "sar_compiler.groot2")
     program = f"import sys, sar_compiler.execution.node_run; print([each for each in {libraries} if each in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

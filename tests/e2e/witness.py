@@ -1,4 +1,4 @@
-"""A node beside the mission that sees what anybody can see: odometry, the states of goals, frames."""
+"""Nodes that observe a mission from outside: odometry, goal states and frames."""
 
 import bisect
 import math
@@ -21,7 +21,7 @@ LATCHED = QoSProfile(
 
 
 class Watcher:
-    """A node that is served by a thread of its own until it is closed.
+    """A node that spins in its own thread until it is closed.
 
     Args:
         name: Its name.
@@ -39,11 +39,11 @@ class Watcher:
         self._thread = threading.Thread(target=self._spin, daemon=True)
 
     def watch(self):
-        """Begin, with all subscriptions made."""
+        """Start the thread, after all subscriptions have been created."""
         self._thread.start()
 
     def wait_until(self, wanted, what):
-        """Wait until something is so, which is looked at ten times a second; `what` says what never came."""
+        """Wait until a condition is true; `what` names the awaited event in the error message."""
         with self._news:
             self._news.wait_until(wanted, lambda: f"{what} did not come")
 
@@ -52,7 +52,7 @@ class Watcher:
             self._executor.spin_once(timeout_sec=0.1)
 
     def close(self):
-        """Stop watching; the context goes last, because the thread waits with it."""
+        """Stop the thread; the context is shut down last, because the thread waits with it."""
         self._closing.set()
         self._executor.wake()
         self._thread.join()
@@ -62,7 +62,7 @@ class Watcher:
 
 
 class Witness(Watcher):
-    """Watches one robot.
+    """A node that observes one robot.
 
     Args:
         namespace: The robot's namespace.
@@ -83,7 +83,7 @@ class Witness(Watcher):
     def _on_odometry(self, message, info):
         position, orientation = message.pose.pose.position, message.pose.pose.orientation
         with self._news:
-            # When it was sent; on a busy machine it may be taken much later.
+            # The time at which it was sent; a busy machine may process it much later.
             self._times.append(info["source_timestamp"] / 1e9)
             self._places.append((position.x, position.y))
             yaw = 2.0 * math.atan2(orientation.z, orientation.w)
@@ -98,7 +98,7 @@ class Witness(Watcher):
             self._news.tell()
 
     def goals(self):
-        """The last known state of every goal there was, in the order in which they came."""
+        """Return the last known states of all goals, in order of their arrival."""
         with self._news:
             return list(self._statuses.values())
 
@@ -110,7 +110,7 @@ class Witness(Watcher):
         )
 
     def wait_until_moving(self):
-        """Wait until the robot has left the place where it was first seen."""
+        """Wait until the robot has left its first known position."""
         self._wait(
             lambda: self._places and math.dist(self._places[0], self._places[-1]) > 0.3,
             lambda: "the robot did not move",
@@ -129,27 +129,27 @@ class Witness(Watcher):
             self._news.wait_until(wanted, complaint)
 
     def place(self):
-        """Where the robot was seen last, metres."""
+        """Return the last known position of the robot, metres."""
         with self._news:
             return self._places[-1]
 
     def place_at(self, wall_time):
-        """Where the robot was at a wall time, metres."""
+        """Return the position of the robot at a wall time, metres."""
         with self._news:
             return self._places[max(0, bisect.bisect_right(self._times, wall_time) - 1)]
 
     def frames(self, names, topic="/tf_static"):
-        """Join late and return the static frames of these names: parent, x, y."""
+        """Subscribe now, and return parent, x and y of the static frames of these names."""
         found = {}
 
-        def take(message):
+        def on_transforms(message):
             with self._news:
                 for transform in message.transforms:
                     place = transform.transform.translation
                     found[transform.child_frame_id] = (transform.header.frame_id, place.x, place.y)
                 self._news.tell()
 
-        self.node.create_subscription(TFMessage, topic, take, LATCHED)
+        self.node.create_subscription(TFMessage, topic, on_transforms, LATCHED)
         self._wait(
             lambda: set(names) <= set(found), lambda: f"of the frames {names} only {sorted(found)} came"
         )
