@@ -1,1 +1,1 @@
-"""Launch files, and what they load; read as text, because `launch` itself is not on PyPI."""
+"""Tests of launch files and the files that they load, read as text because `launch` is not on PyPI."""

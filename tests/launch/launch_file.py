@@ -1,4 +1,4 @@
-"""What a launch file says, read from its source: `launch` itself is not on PyPI."""
+"""The content of a launch file, read from its source because `launch` is not on PyPI."""
 
 import ast
 import re
@@ -28,7 +28,7 @@ class LaunchFile:
                 self._values[node.targets[0].id] = node.value
 
     def calls(self, *names: str) -> list[ast.Call]:
-        """Return the calls of functions or classes, also of those that were given another name."""
+        """Return the calls of functions or classes, including calls by another name."""
         return [
             node
             for node in ast.walk(self.tree)
@@ -42,11 +42,11 @@ class LaunchFile:
         return called.attr if isinstance(called, ast.Attribute) else ""
 
     def declared(self) -> set[str]:
-        """Return the arguments that can be given; one whose name is worked out is its expression."""
+        """Return the declared arguments; a computed name is given as its expression."""
         return {_text(call.args[0]) for call in self.calls("DeclareLaunchArgument")}
 
     def used(self) -> set[str]:
-        """Return the arguments that are looked at; one whose name is worked out is its expression."""
+        """Return the used arguments; a computed name is given as its expression."""
         return {_text(call.args[0]) for call in self.calls("LaunchConfiguration")}
 
     def default(self, name: str) -> ast.expr:
@@ -70,9 +70,9 @@ class LaunchFile:
         return ast.literal_eval(self._values[name])
 
     def paths(self) -> Iterator[str]:
-        """Return the shipped files that are named, as glob patterns of absolute paths.
+        """Return the named shipped files, as glob patterns of absolute paths.
 
-        A part that is worked out is a `*`. Those in the folders of other packages are left out.
+        A computed part is a `*`. Files in the folders of other packages are left out.
         """
         inner = {id(node.left) for node in ast.walk(self.tree) if isinstance(node, ast.BinOp)}
         for node in ast.walk(self.tree):
@@ -82,7 +82,7 @@ class LaunchFile:
                     yield path
 
     def _path(self, value: ast.expr) -> str | None:
-        """Return the pattern of a path that is put together with `/`, `.parent` and names for such."""
+        """Return the pattern of a path that is composed with `/`, `.parent` and variables."""
         if isinstance(value, ast.Name):
             known = str(self.path) if value.id == "__file__" else None
             return self._path(self._values[value.id]) if value.id in self._values else known
@@ -103,12 +103,12 @@ class LaunchFile:
 
 
 def keyword(call: ast.Call, name: str) -> ast.expr:
-    """Return a call's keyword argument; a `None` where it has none."""
+    """Return a call's keyword argument; a `None` if it has none."""
     return next((each.value for each in call.keywords if each.arg == name), ast.Constant(None))
 
 
 def pattern(value: ast.expr) -> str:
-    """Return a text as a glob pattern, in which what is worked out is a `*`."""
+    """Return a string as a glob pattern, in which a computed part is a `*`."""
     if isinstance(value, ast.Constant):
         return str(value.value)
     parts = value.values if isinstance(value, ast.JoinedStr) else []
@@ -116,7 +116,7 @@ def pattern(value: ast.expr) -> str:
 
 
 def texts(value: ast.AST) -> list[str]:
-    """Return every text in an expression."""
+    """Return every string in an expression."""
     return [
         node.value
         for node in ast.walk(value)
@@ -125,7 +125,7 @@ def texts(value: ast.AST) -> list[str]:
 
 
 def matches(value: ast.expr, name: str) -> bool:
-    """Return whether a name can be what an expression says."""
+    """Return whether an expression can evaluate to a name."""
     return re.fullmatch(re.escape(pattern(value)).replace(r"\*", ".*"), name) is not None
 
 

@@ -1,4 +1,4 @@
-"""What holds for every launch file, the mission's and those of the examples."""
+"""Tests of every launch file: the mission's and those of the examples."""
 
 import ast
 from importlib.metadata import distribution
@@ -27,28 +27,28 @@ def commands() -> list[str]:
     ]
 
 
-def test_the_mission_and_the_examples_have_launch_files():
+def test_mission_and_examples_have_launch_files():
     assert {"launch", "examples"} <= {path.relative_to(ROOT).parts[0] for path in FILES}
 
 
-def test_everything_that_is_started_shows_its_output_as_on_a_terminal(file: LaunchFile):
+def test_every_process_shows_its_output_as_on_terminal(file: LaunchFile):
     for call in file.starters():
         said = (ast.unparse(keyword(call, "output")), ast.unparse(keyword(call, "emulate_tty")))
         assert said == ("'screen'", "True"), f"line {call.lineno}: {ast.unparse(call)}"
 
 
-def test_what_draws_in_place_is_told_that_its_lines_are_passed_on(file: LaunchFile):
+def test_run_and_simulator_know_that_output_is_passed_on(file: LaunchFile):
     for call in file.calls("Node"):
         ours = pattern(keyword(call, "package")) == "sar_compiler"
         if ours and any(matches(keyword(call, "executable"), each) for each in ("sar-run", "sar-sim")):
             assert ast.unparse(keyword(call, "additional_env")) == "ENVIRONMENT", f"line {call.lineno}"
 
 
-def test_every_argument_that_is_looked_at_is_declared(file: LaunchFile):
+def test_every_used_argument_is_declared(file: LaunchFile):
     assert file.used() <= file.declared()
 
 
-def test_every_argument_that_is_declared_is_looked_at(file: LaunchFile):
+def test_every_declared_argument_is_used(file: LaunchFile):
     assert file.declared() <= file.used()
 
 
@@ -57,12 +57,12 @@ def test_every_argument_is_described(file: LaunchFile):
         assert ast.unparse(keyword(call, "description")) != "None", f"line {call.lineno}"
 
 
-def test_every_shipped_file_that_is_named_exists(file: LaunchFile):
+def test_every_named_shipped_file_exists(file: LaunchFile):
     for path in file.paths():
         assert list(Path("/").glob(path.lstrip("/"))), f"there is no {path}"
 
 
-def test_every_executable_is_one_of_its_package(file: LaunchFile):
+def test_every_executable_belongs_to_its_package(file: LaunchFile):
     for call in file.calls("Node"):
         package, executable = keyword(call, "package"), keyword(call, "executable")
         name = pattern(package)
@@ -73,7 +73,7 @@ def test_every_executable_is_one_of_its_package(file: LaunchFile):
         assert any(matches(executable, each) for each in known), f"{name} has no {ast.unparse(executable)}"
 
 
-def test_the_package_whose_files_are_meant_is_this_one(file: LaunchFile):
+def test_share_directories_belong_to_known_packages(file: LaunchFile):
     packages = {ast.unparse(call.args[0]) for call in file.calls("get_package_share_directory")}
     others = {"nav2_bringup", "ros2bag", "rosbag2_storage_mcap", "rviz2"}
     assert packages <= {repr(each) for each in ("sar_compiler", *others)}

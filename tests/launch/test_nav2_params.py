@@ -1,4 +1,4 @@
-"""Nav2's parameters: read as Nav2's nodes read them, and held against what Jazzy's Nav2 (1.3.13) needs."""
+"""Tests of Nav2's parameters, as Nav2's nodes read them, against the needs of Jazzy's Nav2 (1.3.13)."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,31 +13,31 @@ from tests.ros.conftest import Ros
 PARAMS = ROOT / "config" / "nav2_params.yaml"
 MAP = ROOT / "maps" / "disaster_zone.yaml"
 
-# The nodes that bringup_launch.py brings up, by localization_launch.py and navigation_launch.py.
+# The nodes that bringup_launch.py starts, by localization_launch.py and navigation_launch.py.
 SERVERS = [
     "map_server", "amcl", "controller_server", "smoother_server", "planner_server", "route_server",
     "behavior_server", "velocity_smoother", "collision_monitor", "bt_navigator", "waypoint_follower",
     "docking_server",
 ]  # fmt: skip
-# Every parameter of theirs has a default that serves; map_server's file is the launch argument `map`.
-NEED_NOTHING = {"map_server", "smoother_server", "route_server", "waypoint_follower"}
+# All their parameters have usable defaults; map_server's file is the launch argument `map`.
+WITHOUT_SECTION = {"map_server", "smoother_server", "route_server", "waypoint_follower"}
 COSTMAPS = ["local_costmap", "global_costmap"]
 
-# Without these, bringing Nav2 up fails: they have no default in its sources.
+# Without these, the start of Nav2 fails: they have no default in its sources.
 REQUIRED = {
     "collision_monitor": ["polygons", "observation_sources", "FootprintApproach.type", "FootprintApproach.action_type"],
     "docking_server": ["dock_plugins", "simple_charging_dock.plugin"],
 }  # fmt: skip
 
-# Publishers of velocities, or listeners to them; each has a parameter of its own, which is false by default.
-COMMANDING = [
+# Publishers and subscribers of velocity commands; each has its own parameter, which is false by default.
+VELOCITY_SERVERS = [
     "controller_server",
     "behavior_server",
     "velocity_smoother",
     "collision_monitor",
     "docking_server",
 ]
-LISTENING_TO_ODOMETRY = ["controller_server", "bt_navigator", "velocity_smoother"]
+ODOMETRY_SERVERS = ["controller_server", "bt_navigator", "velocity_smoother"]
 
 
 def flat(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -49,7 +49,7 @@ def flat(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def sections() -> dict[str, dict[str, Any]]:
-    """Return the parameters by the full names of the nodes."""
+    """Return the parameters by the nodes' full names."""
     found: dict[str, dict[str, Any]] = {}
     for name, section in yaml.safe_load(PARAMS.read_text(encoding="utf-8")).items():
         inner = section if "ros__parameters" not in section else {"": section}
@@ -65,13 +65,13 @@ def costmap(name: str) -> dict[str, Any]:
     return SECTIONS[f"/{name}/{name}"]
 
 
-def test_it_is_a_parameter_file_that_ros_reads_as_it_is_meant():
+def test_parameter_file_passes_check():
     check_parameter_file(PARAMS)
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize("name", SECTIONS)
-def test_a_real_node_of_the_name_gets_the_sections_values(name, ros: Ros):
+def test_node_receives_values_of_its_section(name, ros: Ros):
     namespace, _, base = name.rpartition("/")
     node = ros.node(
         base,
@@ -83,35 +83,35 @@ def test_a_real_node_of_the_name_gets_the_sections_values(name, ros: Ros):
 
 
 @pytest.mark.parametrize("server", SERVERS)
-def test_every_server_of_nav2s_bringup_has_what_it_needs(server):
-    assert (f"/{server}" in SECTIONS) != (server in NEED_NOTHING)
+def test_every_server_with_required_parameters_has_section(server):
+    assert (f"/{server}" in SECTIONS) != (server in WITHOUT_SECTION)
 
 
 @pytest.mark.parametrize(
     ("server", "name"), [(key, name) for key, names in REQUIRED.items() for name in names]
 )
-def test_what_has_no_default_is_given(server, name):
+def test_parameter_without_default_is_given(server, name):
     assert SECTIONS[f"/{server}"][name]
 
 
-def test_there_is_no_section_of_a_node_that_nobody_starts():
-    assert set(SECTIONS) == {f"/{name}" for name in set(SERVERS) - NEED_NOTHING} | {
+def test_every_section_belongs_to_started_node():
+    assert set(SECTIONS) == {f"/{name}" for name in set(SERVERS) - WITHOUT_SECTION} | {
         f"/{name}/{name}" for name in COSTMAPS
     }
 
 
-@pytest.mark.parametrize("server", COMMANDING)
-def test_velocity_commands_are_stamped_all_the_way(server):
+@pytest.mark.parametrize("server", VELOCITY_SERVERS)
+def test_velocity_commands_are_stamped(server):
     assert SECTIONS[f"/{server}"]["enable_stamped_cmd_vel"] is True
 
 
-@pytest.mark.parametrize("server", LISTENING_TO_ODOMETRY)
-def test_odometry_is_the_rosbots_filtered_one(server):
+@pytest.mark.parametrize("server", ODOMETRY_SERVERS)
+def test_odometry_topic_is_filtered_odometry_of_rosbot(server):
     assert SECTIONS[f"/{server}"]["odom_topic"] == "odometry/filtered"
 
 
 @pytest.mark.parametrize("name", ["default_server_timeout", "wait_for_service_timeout"])
-def test_bt_navigator_gives_its_servers_the_time_that_a_small_computer_needs(name):
+def test_timeouts_of_bt_navigator_are_one_second(name):
     assert SECTIONS["/bt_navigator"][name] == 1000, "milliseconds"
 
 
@@ -120,31 +120,31 @@ def test_bt_navigator_gives_its_servers_the_time_that_a_small_computer_needs(nam
     ("key", "value"),
     [("robot_radius", 0.22), ("resolution", 0.05), ("inflation_layer.inflation_radius", 0.55)],
 )
-def test_both_costmaps_are_of_this_robot(name, key, value):
+def test_costmaps_have_dimensions_of_robot(name, key, value):
     assert costmap(name)[key] == value
 
 
 @pytest.mark.parametrize("name", COSTMAPS)
-def test_every_layer_of_a_costmap_has_a_plugin(name):
+def test_every_costmap_layer_has_plugin(name):
     section = costmap(name)
     assert all(f"{layer}.plugin" in section for layer in section["plugins"])
     assert section["plugins"][-1] == "inflation_layer", "inflates what the layers before it have marked"
 
 
 @pytest.mark.parametrize("name", COSTMAPS)
-def test_the_scan_marks_obstacles_and_clears_them(name):
+def test_scan_marks_and_clears_obstacles(name):
     section = costmap(name)
     assert section["obstacle_layer.observation_sources"] == "scan"
     assert section["obstacle_layer.scan.clearing"] is True
     assert section["obstacle_layer.scan.max_obstacle_height"] > 0.0
 
 
-def test_localisation_is_amcls_on_the_scan_and_waits_for_the_missions_initial_pose():
+def test_amcl_uses_scan_and_waits_for_initial_pose():
     assert SECTIONS["/amcl"]["scan_topic"] == "scan"
     assert SECTIONS["/amcl"]["set_initial_pose"] is False
 
 
-def test_the_robots_frame_is_base_link_for_everybody():
+def test_robot_frame_is_base_link_everywhere():
     frames = {
         value
         for section in SECTIONS.values()
@@ -154,7 +154,7 @@ def test_the_robots_frame_is_base_link_for_everybody():
     assert frames == {"base_link"}
 
 
-def test_the_controller_knows_how_the_local_costmap_is_inflated():
+def test_controller_matches_inflation_of_local_costmap():
     controller, local = SECTIONS["/controller_server"], costmap("local_costmap")
     assert (
         controller["FollowPath.inflation_cost_scaling_factor"] == local["inflation_layer.cost_scaling_factor"]
@@ -162,7 +162,7 @@ def test_the_controller_knows_how_the_local_costmap_is_inflated():
     assert controller["FollowPath.cost_scaling_dist"] <= local["inflation_layer.inflation_radius"]
 
 
-def test_an_absolute_topic_is_one_that_the_launch_file_leads_into_the_namespace():
+def test_absolute_topics_are_remapped_by_launch_file():
     absolute = {
         value
         for section in SECTIONS.values()
@@ -175,7 +175,7 @@ def test_an_absolute_topic_is_one_that_the_launch_file_leads_into_the_namespace(
 
 @pytest.mark.ros
 @pytest.mark.parametrize("name", COSTMAPS)
-def test_that_remapping_finds_the_robots_scan_from_the_costmaps_own_namespace(name, ros: Ros):
+def test_remapping_resolves_scan_in_namespace_of_costmap(name, ros: Ros):
     """As launched with namespace:=robot1. A relative topic would end in the costmap's namespace."""
     from std_msgs.msg import Empty
 
@@ -187,7 +187,7 @@ def test_that_remapping_finds_the_robots_scan_from_the_costmaps_own_namespace(na
     assert relative.topic_name == f"/robot1/{name}/scan"
 
 
-def test_the_map_is_one_that_nav2s_map_server_reads():
+def test_map_has_format_of_map_server():
     content = yaml.safe_load(MAP.read_text(encoding="utf-8"))
     assert set(content) == {
         "image", "mode", "resolution", "origin", "negate", "occupied_thresh", "free_thresh",
@@ -196,5 +196,5 @@ def test_the_map_is_one_that_nav2s_map_server_reads():
     assert content["resolution"] == costmap("global_costmap")["resolution"]
 
 
-def test_the_planner_waits_for_an_initial_pose_longer_than_anybody_takes_to_give_it():
+def test_planner_waits_at_least_ten_minutes_for_initial_pose():
     assert costmap("global_costmap")["initial_transform_timeout"] >= 600.0

@@ -1,4 +1,4 @@
-"""The mission's launch file."""
+"""Tests of the mission's launch file."""
 
 import ast
 import subprocess
@@ -28,7 +28,7 @@ PARTS_OF_LAUNCH = (
     "substitutions",
 )
 
-# What nav2_bringup's bringup_launch.py declares in Jazzy (1.3.13).
+# The arguments that nav2_bringup's bringup_launch.py declares in Jazzy (1.3.13).
 BRINGUP = {
     "namespace", "use_namespace", "slam", "map", "use_localization", "use_sim_time", "params_file",
     "autostart", "use_composition", "use_respawn", "log_level",
@@ -38,14 +38,14 @@ COMMANDS = ["sar-run", "sar-sim", "sar-detect-survivor-server", "sar-report-surv
 WITH_TRANSFORMS = ["sar-run", "sar-sim", "rviz2"]
 
 
-def test_the_arguments_are_those_that_users_rely_on():
+def test_declared_arguments_are_as_documented():
     assert FILE.declared() == {
         "tree", "params_file", "nav2_params_file", "map", "tick_rate_hz", "until", "journal", "publish", "namespace", "sim", "world",
         "speed", "use_sim_time", "autostart", "rviz", "record", "options",
     }  # fmt: skip
 
 
-def test_nav2_is_given_only_arguments_that_its_bringup_has():
+def test_nav2_receives_only_arguments_of_its_bringup():
     (include,) = FILE.calls("IncludeLaunchDescription")
     given = keyword(include, "launch_arguments")
     names = {
@@ -61,30 +61,30 @@ def test_nav2_is_given_only_arguments_that_its_bringup_has():
     assert names <= BRINGUP
 
 
-def test_nav2s_arguments_do_not_reach_beyond_its_group():
-    """An include sets its arguments for all that follows; the mission has a `params_file`, too."""
+def test_arguments_of_nav2_are_limited_to_its_group():
+    """An include sets its arguments for all later actions, and the mission has a `params_file`, too."""
     (group,) = FILE.calls("GroupAction")
     assert "include" in [name.id for name in ast.walk(group) if isinstance(name, ast.Name)]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_runs_in_the_namespace(command):
+def test_every_command_runs_in_namespace(command):
     assert ast.unparse(keyword(FILE.node(command), "namespace")) == "LaunchConfiguration('namespace')"
 
 
 @pytest.mark.parametrize("command", WITH_TRANSFORMS)
-def test_transforms_move_with_the_namespace(command):
+def test_transforms_are_remapped_into_namespace(command):
     assert ast.unparse(keyword(FILE.node(command), "remappings")) == "TRANSFORMS"
     assert FILE.constant("TRANSFORMS") == [("/tf", "tf"), ("/tf_static", "tf_static")]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_no_node_is_given_a_name_because_a_command_has_several_nodes(command):
+def test_no_command_sets_node_name(command):
     assert ast.unparse(keyword(FILE.node(command), "name")) == "None"
 
 
 @pytest.mark.parametrize("command", ["sar-run", "sar-sim"])
-def test_every_option_given_to_a_command_is_one_of_its(command):
+def test_every_given_option_exists(command):
     given = texts(keyword(FILE.node(command), "arguments"))
     words = [command, "run", "--help"] if command == "sar-sim" else [command, "--help"]
     known = subprocess.run([BIN / words[0], *words[1:]], capture_output=True, text=True, check=True).stdout
@@ -93,7 +93,7 @@ def test_every_option_given_to_a_command_is_one_of_its(command):
     assert all(f"{option} " in known for option in options)
 
 
-def test_every_word_for_the_journal_is_an_option_of_the_mission():
+def test_every_journal_option_exists():
     words = FILE.constant("JOURNAL")
     assert isinstance(words, dict)
     known = subprocess.run([BIN / "sar-run", "--help"], capture_output=True, text=True, check=True).stdout
@@ -104,49 +104,49 @@ def test_every_word_for_the_journal_is_an_option_of_the_mission():
     assert "the journal, or none" in known
 
 
-def test_every_parameter_given_to_the_mission_is_one_that_the_docs_list():
+def test_every_mission_parameter_is_documented():
     documented = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md"))
     names = [texts(call.args[0])[0] for call in FILE.calls("Parameter")]
     assert set(names) == {"tick_rate_hz", "use_sim_time"}
     assert all(f"| `{name}` |" in documented for name in names)
 
 
-def test_the_detection_server_takes_its_survivors_from_the_parameter_file():
+def test_detection_server_reads_parameter_file():
     given = ast.unparse(keyword(FILE.node("sar-detect-survivor-server"), "parameters"))
     assert given.startswith("[LaunchConfiguration('params_file'),")
 
 
-def test_the_tick_rate_is_the_parameter_files_unless_one_is_given():
+def test_tick_rate_defaults_to_parameter_file():
     assert ast.literal_eval(FILE.default("tick_rate_hz")) == ""
 
 
-def test_simulated_time_goes_with_the_simulator_unless_something_else_is_said():
+def test_simulated_time_defaults_to_simulator_argument():
     assert ast.unparse(FILE.default("use_sim_time")) == "LaunchConfiguration('sim')"
 
 
 @pytest.mark.parametrize(
     ("argument", "kind", "suffix"), [("tree", "trees", ".xml"), ("world", "worlds", ".yaml")]
 )
-def test_what_is_meant_without_an_argument_is_shipped(argument, kind, suffix):
+def test_default_tree_and_world_are_shipped(argument, kind, suffix):
     assert find(kind, ast.literal_eval(FILE.default(argument)), suffix).is_file()
 
 
-def test_the_mission_goes_on_until_it_is_stopped_unless_something_else_is_said():
+def test_mission_runs_until_stopped_by_default():
     assert Until(ast.literal_eval(FILE.default("until"))) is Until.FOREVER
 
 
 @pytest.mark.parametrize("command", ["sar-run", "sar-sim"])
-def test_all_ends_with_what_the_rest_makes_no_sense_without(command):
+def test_launch_ends_with_mission_or_simulator(command):
     assert ast.unparse(keyword(FILE.node(command), "on_exit")) == "end_all"
 
 
-def test_a_simulation_stays_on_this_machine():
+def test_simulation_stays_on_this_machine():
     (call,) = FILE.calls("SetEnvironmentVariable")
     assert texts(call) == ["ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"]
     assert "IfCondition" in ast.unparse(keyword(call, "condition"))
 
 
-def test_what_is_recorded_is_what_somebody_publishes():
+def test_recorded_topics_are_published():
     recorded = FILE.constant("RECORDED")
     assert isinstance(recorded, tuple)
     assert set(recorded) <= KNOWN
@@ -165,7 +165,7 @@ def simulator() -> Iterator[Command]:
 
 
 @pytest.mark.ros
-def test_the_simulator_has_the_topics_that_the_view_and_the_recording_are_for(simulator: Command, ros: Ros):
+def test_simulator_has_topics_of_view_and_recording(simulator: Command, ros: Ros):
     node = ros.node("witness")
     wanted = {f"/robot1/{name}" for name in SIMULATED} | {"/clock"}
     ros.spin_until(
@@ -175,44 +175,42 @@ def test_the_simulator_has_the_topics_that_the_view_and_the_recording_are_for(si
 
 
 @pytest.fixture
-def loaded(monkeypatch):
-    """Return the launch file as a module, loaded without `launch`."""
+def launch_module(monkeypatch):
+    """Import the launch file as a module, with mocks for `launch`."""
     for name in ("launch", "launch_ros"):
         for module in (name, *(f"{name}.{part}" for part in PARTS_OF_LAUNCH)):
             monkeypatch.setitem(sys.modules, module, MagicMock())
     spec = spec_from_file_location("its_launch_file", FILE.path)
     assert spec is not None
     assert spec.loader is not None
-    loaded = module_from_spec(spec)
-    spec.loader.exec_module(loaded)
-    return loaded
+    launch_module = module_from_spec(spec)
+    spec.loader.exec_module(launch_module)
+    return launch_module
 
 
 @pytest.fixture
-def require_recorder(loaded):
-    return loaded.require_recorder
+def require_recorder(launch_module):
+    return launch_module.require_recorder
 
 
-def test_a_mission_that_is_resumed_finds_its_simulated_robot_localised_where_it_stood(
-    loaded, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(loaded, "state_folder", lambda: tmp_path / "sar_compiler")
-    option, places = loaded.pose_options("robot1", is_resumed=False)
+def test_resumed_mission_restores_pose_of_simulated_robot(launch_module, tmp_path, monkeypatch):
+    monkeypatch.setattr(launch_module, "state_folder", lambda: tmp_path / "sar_compiler")
+    option, places = launch_module.pose_options("robot1", is_resumed=False)
     assert option == "--keep"
     Path(places).write_text("{}")
-    assert loaded.pose_options("robot1", is_resumed=True) == ["--keep", places, "--localised"]
-    assert loaded.pose_options("robot1", is_resumed=False) == ["--keep", places]
+    assert launch_module.pose_options("robot1", is_resumed=True) == ["--keep", places, "--localised"]
+    assert launch_module.pose_options("robot1", is_resumed=False) == ["--keep", places]
     assert not Path(places).exists(), "any other mission begins at the world's start"
 
 
-def test_a_recording_is_refused_where_something_is_already(require_recorder, tmp_path):
+def test_recording_is_refused_if_target_exists(require_recorder, tmp_path):
     with pytest.raises(
         FileExistsError, match=f"record:={tmp_path}: the folder exists, .* no process was started"
     ):
         require_recorder(tmp_path)
 
 
-def test_a_recording_is_refused_where_its_folder_cannot_be_made(require_recorder, tmp_path):
+def test_recording_is_refused_if_parent_folder_is_missing(require_recorder, tmp_path):
     with pytest.raises(
         FileNotFoundError, match=r"the folder .*missing does not exist; no process was started"
     ):
@@ -220,7 +218,7 @@ def test_a_recording_is_refused_where_its_folder_cannot_be_made(require_recorder
 
 
 @pytest.mark.parametrize("package", ["ros2bag", "rosbag2_storage_mcap"])
-def test_a_recording_is_refused_without_the_recorder(package, require_recorder, tmp_path, monkeypatch):
+def test_recording_is_refused_without_recorder(package, require_recorder, tmp_path, monkeypatch):
     from ament_index_python.packages import PackageNotFoundError
 
     def there(name):
@@ -232,20 +230,25 @@ def test_a_recording_is_refused_without_the_recorder(package, require_recorder, 
         require_recorder(tmp_path / "bag")
 
 
-def test_a_recording_in_a_new_folder_is_not_refused(require_recorder, tmp_path, monkeypatch):
+def test_recording_in_new_folder_is_accepted(require_recorder, tmp_path, monkeypatch):
     monkeypatch.setitem(require_recorder.__globals__, "get_package_share_directory", lambda _: None)
     require_recorder(tmp_path / "bag")
 
 
-def test_it_is_looked_for_before_anything_is_started():
+def test_recorder_is_checked_before_start():
     (require,) = [each for each in FILE.tree.body if getattr(each, "name", "") == "require"]
     assert "require_recorder" in ast.unparse(require)
 
 
-def test_further_options_are_passed_to_the_mission(loaded, monkeypatch):
+def test_further_options_are_passed_to_mission(launch_module, monkeypatch):
     values = {"options": "--nodes 'my leaves'", "journal": "new", "tick_rate_hz": ""}
     monkeypatch.setattr(
-        loaded, "LaunchConfiguration", lambda name: MagicMock(perform=lambda _: values.get(name, ""))
+        launch_module, "LaunchConfiguration", lambda name: MagicMock(perform=lambda _: values.get(name, ""))
     )
-    loaded.mission(MagicMock())
-    assert loaded.Node.call_args.kwargs["arguments"][3:] == ["--new", "--nodes", "my leaves", "--publish"]
+    launch_module.mission(MagicMock())
+    assert launch_module.Node.call_args.kwargs["arguments"][3:] == [
+        "--new",
+        "--nodes",
+        "my leaves",
+        "--publish",
+    ]

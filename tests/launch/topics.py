@@ -16,7 +16,7 @@ SIMULATED = frozenset(
 )
 # Published by the mission itself.
 OURS = frozenset({"tf_static", "behavior_tree_log", "search_and_rescue/tree", "search_and_rescue/markers"})
-# Published, or listened to, by Nav2 alone: map_server, planner_server, the costmaps, bt_navigator.
+# Published or subscribed to by Nav2 alone: map_server, planner_server, the costmaps, bt_navigator.
 NAV2 = frozenset(
     {
         "map",
