@@ -1,4 +1,4 @@
-"""One Nav2 for a module, a robot that is at home before each flight, and what was promised against what was seen."""
+"""Fixtures with one Nav2 for a module, a robot at home before each run, and a table of expected and observed results."""
 
 import os
 from pathlib import Path
@@ -34,7 +34,7 @@ def nav2(running):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item):
-    """After a test that failed, start Nav2 anew: what it has left behind must not fail the next one, too."""
+    """Restart Nav2 after a failed test, so that its remains do not fail the next test."""
     report = yield
     if report.failed and "running" in item.funcargs:
         item.funcargs["running"].is_whole = False
@@ -42,26 +42,26 @@ def pytest_runtest_makereport(item):
 
 
 @pytest.fixture
-def fly(start):
-    """Start a mission in simulated time."""
+def start_mission(start):
+    """Return a function that starts a mission in simulated time."""
 
-    def start_mission(*arguments, **parameters):
+    def start_in_simulated_time(*arguments, **parameters):
         given = {"use_sim_time": "true", "startup_timeout_sec": "120.0", **parameters}
         assigned = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
         return start("sar-run", *arguments, "--until", "complete", "--ros-args", *assigned)
 
-    return start_mission
+    return start_in_simulated_time
 
 
 @pytest.fixture
-def seen(request, running):
-    """Note what was seen beside what was promised, and how busy the computer was; the rows are printed at the end, also of what failed."""
+def record_result(request, running):
+    """Return a function that records expected and observed results and the computer's load; the rows are printed at the end, also those of failed tests."""
 
-    def note(promised, what):
+    def record(promised, what):
         load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors, {running.control_rate()}"
         _ROWS.append((request.node.name, promised, what, load))
 
-    return note
+    return record
 
 
 def pytest_terminal_summary(terminalreporter):

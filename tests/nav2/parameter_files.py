@@ -1,4 +1,4 @@
-"""The parameter files that the runs on Nav2 are given, made of the shipped ones."""
+"""Parameter files for the runs on Nav2, made from the shipped ones."""
 
 from pathlib import Path
 
@@ -7,19 +7,19 @@ import yaml
 ROOT = Path(__file__).resolve().parent.parent.parent
 CONFIG = ROOT / "config"
 NAV2_PARAMS = CONFIG / "nav2_params.yaml"
-# Nav2's default of both, milliseconds.
+# Nav2's default of `default_server_timeout`, milliseconds.
 NAV2_TIMEOUT_MS = 20
 
 
 class _Plain(yaml.SafeDumper):
-    """Writes a value that occurs twice twice: ROS reads no aliases."""
+    """Writes repeated values in full, because ROS reads no aliases."""
 
     def ignore_aliases(self, _):
         return True
 
 
 def _changed(name, folder, change):
-    """Write a copy of a shipped file whose mission's parameters a function has changed."""
+    """Write a copy of a shipped file with parameters changed by a function."""
     content = yaml.safe_load((CONFIG / name).read_text(encoding="utf-8"))
     change(content)
     path = folder / name
@@ -28,7 +28,7 @@ def _changed(name, folder, change):
 
 
 def one_zone_to_sweep(folder):
-    """The mission of the sweeps with one zone, and the base in the middle."""
+    """Write parameters of the sweep mission with one zone, and the base in the middle."""
 
     def change(content):
         given = content["/**"]["ros__parameters"]
@@ -42,7 +42,7 @@ def one_zone_to_sweep(folder):
 
 
 def one_zone_in_a_wall(folder):
-    """The mission with two zones, the second of which is out of reach."""
+    """Write parameters of the mission with two zones, the second of which is unreachable."""
 
     def change(content):
         given = content["/**"]["ros__parameters"]
@@ -53,7 +53,7 @@ def one_zone_in_a_wall(folder):
 
 
 def nav2_with_its_own_time_outs(folder):
-    """Nav2's parameters, with its default time-outs in place of the shipped ones."""
+    """Write Nav2's parameters with its default timeout in place of the shipped one."""
 
     def change(content):
         given = content["bt_navigator"]["ros__parameters"]

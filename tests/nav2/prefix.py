@@ -1,10 +1,10 @@
-"""An installed Nav2: what of it is needed, what is missing, and the environment of its processes."""
+"""An installed Nav2: its required programs, the missing ones, and the environment of its processes."""
 
 import os
 import subprocess
 from pathlib import Path
 
-# The nodes of Nav2 that a mission needs, as (package, executable): the rest of its bring-up is not started.
+# The nodes of Nav2 that a mission needs, with their packages; the rest of its bring-up is not started.
 SERVERS = {
     "map_server": "nav2_map_server",
     "amcl": "nav2_amcl",
@@ -15,18 +15,18 @@ SERVERS = {
 }
 MANAGER = ("nav2_lifecycle_manager", "lifecycle_manager")
 
-# What its processes get of this one's environment: nothing of the project's own ROS, whose messages are stand-ins.
+# The variables that its processes inherit: none of the project's own ROS, whose messages are stand-ins.
 _KEPT = ("HOME", "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE")
 HOWTO = "write NAV2_PREFIX=/opt/ros/jazzy, or where Nav2 is installed (docs/how-to/nav2-trees.md#on-a-nav2-that-is-installed)"
 
 
 def executable(prefix: Path, package: str, name: str) -> Path:
-    """Return where a program of a package is."""
+    """Return the path of a program of a package."""
     return prefix / "lib" / package / name
 
 
 def missing(prefix: str) -> list[str]:
-    """Return what is missing of an installed Nav2, in words; nothing if it can be flown on."""
+    """Return messages on the missing parts of an installed Nav2; none if missions can run on it."""
     if not prefix:
         return [f"NAV2_PREFIX is not set: {HOWTO}"]
     folder = Path(prefix)
@@ -41,7 +41,7 @@ def missing(prefix: str) -> list[str]:
 
 
 def environment(prefix: Path) -> dict[str, str]:
-    """Return what `setup.bash` makes of an environment in which there is no other ROS."""
+    """Return the environment that `setup.bash` sets up without any other ROS."""
     kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
     done = subprocess.run(
         ["/bin/bash", "-c", '. "$0" && env -0', str(prefix / "setup.bash")],

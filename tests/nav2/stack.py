@@ -1,4 +1,4 @@
-"""A robot without a mission: the simulated world, Nav2's nodes as processes that can be killed, and who watches them."""
+"""A robot without a mission: the simulated world, Nav2's nodes as processes that a test can kill, and an observer."""
 
 import math
 import re
@@ -27,25 +27,25 @@ NAVIGATION = [name for name in SERVERS if name not in LOCALISATION]
 LOCALISATION_MANAGER, NAVIGATION_MANAGER = "lifecycle_manager_localization", "lifecycle_manager_navigation"
 _MANAGERS = {LOCALISATION_MANAGER: LOCALISATION, NAVIGATION_MANAGER: NAVIGATION}
 
-# Of controller_server's warning that its loop was late: the rate that it had, Hz.
+# The actual rate in controller_server's warning about a late control loop, Hz.
 _RATE = re.compile(r"Control loop missed its desired rate of [\d.]+ Hz. Current loop rate is ([\d.]+|inf) Hz")
 
-# A robot that is slower than this stands, m/s and rad/s.
+# A slower robot counts as standing, m/s and rad/s.
 STANDS_V, STANDS_W = 0.02, 0.05
-# So long after the end of a goal, or of the process, nothing may move any more, seconds.
+# The robot must stand this long after the end of a goal or of the process, seconds.
 GRACE_SEC = 1.0
-# How often Nav2 is started until it comes up, and how long each time it may take, seconds.
+# The number of attempts to start Nav2, and the time limit of each, seconds.
 _BRING_UPS, _BRING_UP_SEC = 3, 40.0
-# How long its processes may take to end in order, as `ros2 launch` has it, seconds.
+# How long its processes may take to end after Ctrl-C, as in `ros2 launch`, seconds.
 _END_SEC = 10.0
-# How near to its start a robot is at home, metres.
+# A robot nearer than this to its start is at home, metres.
 _HOME = 0.5
 _ENDED = (GoalStatus.STATUS_SUCCEEDED, GoalStatus.STATUS_CANCELED, GoalStatus.STATUS_ABORTED)
 
 
 @contextmanager
 def busy_processes(count):
-    """Have so many processes that do nothing but compute beside what is done."""
+    """Run a number of processes that keep the computer busy."""
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
         yield
@@ -56,12 +56,12 @@ def busy_processes(count):
 
 
 class Robot(Watcher):
-    """What odometry and goals say of a robot, with the machine's times, from the beginning on."""
+    """The movement and the goals of a robot since the beginning, with the machine's times."""
 
     def __init__(self):
         super().__init__("witness_of_nav2")
         self.speeds = []  # (time, m/s, rad/s)
-        self.goals = {}  # of each goal: (time, status) for each change
+        self.goals = {}  # for each goal: (time, status) of each change
         self.place = self.pose = None
         self._action = ActionClient(self.node, NavigateToPose, "navigate_to_pose")
         self.node.create_subscription(Odometry, "odometry/filtered", self._on_odometry, 100)
@@ -70,7 +70,7 @@ class Robot(Watcher):
             self.node.create_subscription(
                 GoalStatusArray, f"{action}/_action/status", self._on_statuses, LATCHED
             )
-        self._tell = self.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 1)
+        self._initial_pose = self.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 1)
         self._battery = self.node.create_publisher(BatteryState, "battery_state", 10)
         self._changes = {
             name: self.node.create_client(ChangeState, f"{name}/change_state") for name in SERVERS
@@ -99,34 +99,34 @@ class Robot(Watcher):
             self._news.tell()
 
     def comes_within(self, sec, wanted):
-        """Wait until something is so, but not longer than a time; whether it is."""
+        """Wait until a condition holds, but not longer than a time; return whether it holds."""
         deadline = time.time() + sec
         self.wait_until(lambda: wanted() or time.time() > deadline, "the time")
         return wanted()
 
     def let_pass(self, sec):
-        """Let a time pass in which something must not happen."""
+        """Wait for a time in which something must not happen."""
         self.comes_within(sec, lambda: False)
 
     def wait_until_moving(self, run=None):
-        """Wait for movement; of a run that ends before, its output is shown."""
+        """Wait for movement; show the output of a run that ends before."""
         is_over = (lambda: run.is_over) if run is not None else (lambda: False)
         self.wait_until(lambda: (self.speeds and self.speeds[-1][1] > 0.1) or is_over(), "movement")
         assert not is_over(), run.output
 
     def wait_until_active(self):
-        """Wait for a goal that is under way."""
+        """Wait for an active goal."""
         self.wait_until(lambda: any(not self._is_over(each) for each in self.goals.values()), "a goal")
 
     def ends_since(self, began):
-        """The statuses with which goals have ended since a time."""
+        """Return the final statuses of the goals that have ended since a time."""
         with self._news:
             return [
                 each[-1][1] for each in self.goals.values() if self._is_over(each) and each[-1][0] >= began
             ]
 
     def first(self, statuses, since):
-        """The time after another one at which a goal first had one of some statuses; None if none had."""
+        """Return the first time after *since* at which a goal had one of some statuses; None if none had."""
         with self._news:
             times = [
                 at
@@ -141,14 +141,14 @@ class Robot(Watcher):
         return changes[-1][1] in _ENDED
 
     def still_after(self, when):
-        """Watch for three seconds; return how long after a time the robot still moved, seconds."""
+        """Observe for three seconds; return how long after a time the robot still moved, seconds."""
         self.let_pass(3.0)
         with self._news:
             moving = [at for at, v, w in self.speeds if when < at and (v > STANDS_V or w > STANDS_W)]
         return max(moving) - when if moving else 0.0
 
     def drives_without_goal(self, since):
-        """Return for how long at most the robot has moved while no goal was active, seconds: how often it did beyond `GRACE_SEC`, too."""
+        """Return the longest time after the end of a goal at which the robot moved while no goal was active, seconds."""
         with self._news:
             spans = [
                 (each[0][0], each[-1][0] if self._is_over(each) else math.inf) for each in self.goals.values()
@@ -162,13 +162,13 @@ class Robot(Watcher):
         return max(late, default=0.0)
 
     def drive_home(self):
-        """Send the robot back to its start, and wait until it is there."""
+        """Send the robot to its start; return whether it arrived."""
         goal = self.send(0.0, 0.0)
         result = self._in_its_thread(goal.get_result_async, "the robot's coming home")
         return result.status == GoalStatus.STATUS_SUCCEEDED
 
     def send(self, x, y):
-        """Send a goal as another client does; the accepted goal."""
+        """Send a goal as another client; return the accepted goal."""
         self.wait_until(self._action.server_is_ready, "the server of navigate_to_pose")
         goal = NavigateToPose.Goal()
         goal.pose.header.frame_id, goal.pose.pose.orientation.w = "map", 1.0
@@ -178,25 +178,25 @@ class Robot(Watcher):
         return sent
 
     def _in_its_thread(self, ask, what):
-        """Ask in the thread that spins, and wait for the answer.
+        """Send a request in the thread that spins, and return the response.
 
-        rclpy notes a question only after it is sent: in another thread the answer can come before, and is lost.
+        rclpy registers a request only after it is sent: in another thread the response can arrive before, and is lost.
         """
         asked = self._executor.create_task(ask)
         self.wait_until(lambda: asked.done() and asked.result().done(), what)
         return asked.result().result()
 
     def tell_pose(self, x, y):
-        """Tell the localisation where the robot is, as RViz does."""
+        """Publish the initial pose, as RViz does."""
         message = PoseWithCovarianceStamped()
         message.header.frame_id, message.pose.pose.orientation.w = "map", 1.0
         message.pose.pose.position.x, message.pose.pose.position.y = x, y
         message.pose.covariance[0] = message.pose.covariance[7] = message.pose.covariance[35] = 0.05
-        self.wait_until(self._tell.get_subscription_count, "a localisation")
-        self._tell.publish(message)
+        self.wait_until(self._initial_pose.get_subscription_count, "a localisation")
+        self._initial_pose.publish(message)
 
     def change_state(self, name, transition):
-        """Have a node of Nav2 take a step of its life, as the lifecycle manager does; whether it did."""
+        """Change the lifecycle state of a node of Nav2, as the lifecycle manager does; return whether it succeeded."""
         client = self._changes[name]
         self.wait_until(client.service_is_ready, f"{name}/change_state")
         request = ChangeState.Request()
@@ -204,11 +204,11 @@ class Robot(Watcher):
         return self._in_its_thread(lambda: client.call_async(request), f"the change of {name}").success
 
     def say_battery(self, left):
-        """Say how full the battery is, between 0 and 1, beside the simulator that says so once a second."""
+        """Publish the battery's charge, from 0 to 1, in addition to the simulator, which publishes it once a second."""
         self._battery.publish(BatteryState(percentage=left, present=True))
 
-    def is_end(self):
-        """Whether the robot is localised, and at its start."""
+    def is_home(self):
+        """Return whether the robot is localised, and at its start."""
         with self._news:
             return (
                 self.place is not None
@@ -218,14 +218,14 @@ class Robot(Watcher):
 
 
 class Nav2:
-    """The world, the robot, the survivors' servers, and Nav2.
+    """The world, the robot, the servers for survivors, and Nav2.
 
     Args:
-        prefix: Where Nav2 is installed.
-        folder: For its logs and files.
+        prefix: The installation prefix of Nav2.
+        folder: The folder for logs and files.
 
     Attributes:
-        parameters: The parameter file of Nav2's nodes; None for the shipped one. Counts from the next start on.
+        parameters: The parameter file of Nav2's nodes; None for the shipped one. Takes effect at the next start.
     """
 
     def __init__(self, prefix, folder):
@@ -238,7 +238,7 @@ class Nav2:
     def start(self):
         """Start everything, with the robot at its start and not localised.
 
-        Where a busy machine loses the answer to one of its managers, that one waits for ever: everything is started anew then.
+        If a busy machine loses a response to one of the managers, this manager waits forever. Then everything is restarted.
         """
         for _ in range(_BRING_UPS):
             self._launch()
@@ -249,7 +249,7 @@ class Nav2:
         raise AssertionError(message)
 
     def _is_up(self):
-        """Whether the localisation is active, and the planner asks for the robot's place."""
+        """Return whether the localisation is active, and the planner waits for the robot's pose."""
         return "Managed nodes are active" in self.news(
             LOCALISATION_MANAGER
         ) and "Activating planner_server" in self.news(NAVIGATION_MANAGER)
@@ -271,7 +271,7 @@ class Nav2:
         self.robot = Robot()
 
     def _world(self):
-        """Write the world without its map: Nav2 has it, and the simulator's stand-in stays away."""
+        """Write the world without its map, so that the simulator does not start its stand-in for Nav2."""
         world = yaml.safe_load((ROOT / "worlds" / "disaster_zone.yaml").read_text(encoding="utf-8"))
         del world["map"]
         path = self._folder / "disaster_zone.yaml"
@@ -284,7 +284,7 @@ class Nav2:
         )
 
     def run(self, name):
-        """Start one of its processes, also again when it was killed."""
+        """Start one of its processes, or restart a killed one."""
         if name in SERVERS:
             self._start(
                 name, SERVERS[name], name, "--params-file", self.parameters or NAV2_PARAMS, *self._map(name)
@@ -311,7 +311,7 @@ class Nav2:
         )
 
     def kill(self, *names):
-        """Kill processes; the machine's time at which that was."""
+        """Kill processes; return the machine's time of that."""
         self.is_whole = False
         self.forget_logs()
         for name in names:
@@ -320,7 +320,7 @@ class Nav2:
         return time.time()
 
     def end(self, *names):
-        """End processes as a launch file does: by Ctrl-C, and by force what does not end then; the machine's time at which that was."""
+        """End processes by Ctrl-C, as a launch file does, and kill those that remain; return the machine's time of that."""
         for name in names:
             self._processes[name].send_signal(signal.SIGINT)
         self.robot.comes_within(
@@ -329,23 +329,23 @@ class Nav2:
         return self.kill(*names)
 
     def log(self, name):
-        """What a node has said."""
+        """Return the log of a node."""
         return (self._folder / f"{name}.log").read_text(encoding="utf-8", errors="replace")
 
     def news(self, name):
-        """What a node has said since everything was started, or the last one was killed."""
+        """Return the log of a node since the start, or since a process was last killed."""
         return self.log(name)[self._read.get(name, 0) :]
 
     def forget_logs(self):
-        """Begin the news anew."""
+        """Mark all present log lines as old."""
         self._read = {each: len(self.log(each)) for each in self._processes}
 
     def missed_rates(self):
-        """How often the controller has missed its rate since a process was killed last, or the news began anew."""
+        """Return how often the controller has missed its rate in the new log lines."""
         return len(_RATE.findall(self.news("controller_server")))
 
     def control_rate(self):
-        """How often the controller has missed its rate since then, and the lowest rate, in words."""
+        """Return a text on how often the controller has missed its rate in the new log lines, and the lowest rate."""
         rates = [float(each) for each in _RATE.findall(self.news("controller_server"))]
         return (
             f"control loop late {len(rates)} times, {min(rates):.1f} Hz at worst"
@@ -354,16 +354,16 @@ class Nav2:
         )
 
     def be_home(self):
-        """See that everything runs, with the robot at its start: drive it there, or start everything anew."""
+        """Ensure that everything runs with the robot at its start: drive it there, or restart everything."""
         runs = self.is_whole and all(each.poll() is None for each in self._processes.values())
         if runs and not self.robot.goals and self.robot.pose is None:
             return
-        if not (runs and (self.robot.is_end() or self.robot.drive_home())):
+        if not (runs and (self.robot.is_home() or self.robot.drive_home())):
             self.stop()
             self.start()
 
     def stop(self):
-        """End everything, in whatever state it is."""
+        """End everything, whatever its state."""
         self.robot.close()
         self.simulator.send(signal.SIGCONT)
         for process in self._processes.values():

@@ -1,4 +1,4 @@
-"""What the runs on Nav2 write is read here as `sar-run --check` and Nav2 read it, without a Nav2."""
+"""Tests of the parameter files of the runs on Nav2, read as by `sar-run --check` and Nav2, without a Nav2."""
 
 import pytest
 
@@ -29,6 +29,6 @@ MISSION = "/search_and_rescue"
         ),
     ],
 )
-def test_a_parameter_file_of_the_runs_is_read_as_it_is_meant(write, node, wanted, tmp_path):
+def test_generated_parameter_file_has_intended_values(write, node, wanted, tmp_path):
     given = read_parameter_file(write(tmp_path), node)
     assert {name: given[name] for name in wanted} == wanted
