@@ -128,8 +128,8 @@ TESTED_BY = {
             "test_a_time_that_is_none_is_refused",
         ),
         "For damaged files and for escape sequences": ("test_every_promise_names_its_tests",),
-        "Numbers in parameter files": ("test_number_must_be_finite", "test_a_mistake_in_a_world_file_is_found_where_it_stands"),
-        "Positions in worlds and maps": ("test_a_mistake_in_a_world_file_is_found_where_it_stands",),
+        "Numbers in parameter files": ("test_number_must_be_finite", "test_error_in_world_file_is_reported_with_location"),
+        "Positions in worlds and maps": ("test_error_in_world_file_is_reported_with_location",),
         "A node responds with a survivor": (
             "test_impossible_position_is_a_failure", "test_survivor_position_must_be_inside_map",
             "test_any_answer_about_a_survivor_and_any_map_are_judged", "test_limits_on_security_page_match_code",
@@ -191,8 +191,8 @@ TESTED_BY = {
             "test_limits_on_security_page_match_code",
         ),
         "A request for other files": ("test_nothing_else_can_be_reached",),
-        "Keep the domain on the machine": ("test_the_range_is_this_machine_otherwise",),
-        "`sar-run --sim` and `sar-sim` set this": ("test_the_range_is_this_machine_otherwise", "test_the_range_that_a_user_chose_is_kept"),
+        "Keep the domain on the machine": ("test_discovery_range_defaults_to_localhost",),
+        "`sar-run --sim` and `sar-sim` set this": ("test_discovery_range_defaults_to_localhost", "test_discovery_range_of_user_is_kept"),
         "The guardian gets the `--enclave`": ("test_guardian_is_default_for_journaled_run_of_real_robot",),
     },
     RELIABILITY: {

@@ -1,4 +1,4 @@
-"""What the simulator's tests share: the shipped world, and a client on the ROS side of a running simulation."""
+"""Fixtures of the simulator's tests: the shipped world, and a ROS client of a running simulation."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -26,7 +26,7 @@ def shipped_map(disaster_zone: World) -> OccupancyMap:
 
 
 class Client:
-    """A node beside a simulation, with an executor that spins until what is waited for has come."""
+    """A node beside a simulation, with an executor that spins until a condition holds."""
 
     def __init__(self, context: Any, namespace: str | None = None) -> None:
         import rclpy
@@ -69,7 +69,7 @@ class Client:
     def set_initial_pose(
         self, pose: Pose2D | None = None, frame: str = "map", timeout_sec: float = SILENCE_SEC
     ) -> Any:
-        """Publish the initial pose until `amcl_pose` answers, and return the answer."""
+        """Publish the initial pose until a pose arrives on `amcl_pose`, and return this pose."""
         from geometry_msgs.msg import PoseWithCovarianceStamped
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -87,7 +87,7 @@ class Client:
 
         def answered() -> bool:
             nonlocal due
-            # Seldom: one that is still on its way when the robot drives would put it back to where it was.
+            # Rarely: a pose that is still in transit when the robot drives would reset its localisation.
             if time.monotonic() >= due:
                 publisher.publish(message)
                 due = time.monotonic() + _AGAIN_SEC
@@ -122,7 +122,7 @@ class Navigation:
         return bool(self._action.server_is_ready())
 
     def send(self, x: float, y: float, yaw: float = 0.0, *, frame: str = "map", tree: str = "") -> Any:
-        """Send a goal and return its handle once it is answered."""
+        """Send a goal, and return its handle after the response."""
         from nav2_msgs.action import NavigateToPose
 
         from sar_compiler.sim.messages import to_pose
@@ -136,7 +136,7 @@ class Navigation:
         )
 
     def send_through(self, *places: tuple[float, float]) -> Any:
-        """Send a goal through places and return its handle once it is answered."""
+        """Send a goal through several positions, and return its handle after the response."""
         from geometry_msgs.msg import PoseStamped
         from nav2_msgs.action import NavigateThroughPoses
         from rclpy.action import ActionClient
@@ -167,7 +167,7 @@ class Navigation:
 
 @pytest.fixture(scope="session")
 def ros_context() -> Iterator[Any]:
-    """One context for all tests of the process: many contexts do not find each other reliably."""
+    """One context for all tests of the process: many contexts do not discover each other reliably."""
     import rclpy
 
     context = rclpy.Context()
@@ -185,7 +185,7 @@ def client(ros_context: Any) -> Iterator[Client]:
 
 @pytest.fixture
 def simulate(ros_context: Any, disaster_zone: World) -> Iterator[Callable[..., Any]]:
-    """Start simulations that end with the test, and make sure that none has failed."""
+    """Return a function that starts simulations; they end with the test, and none may have failed."""
     from sar_compiler.sim.simulation import Simulation
 
     running: list[Simulation] = []

@@ -1,8 +1,8 @@
-"""Nav2's stand-in in processes of its own, each of which a test can kill alone.
+"""The stand-in for Nav2 in several processes, each of which a test can kill alone.
 
-`python -m tests.sim.parts` simulates the world and starts the three others; with `--part NAME` it is one of these. On Nav2, too,
-the navigator sends its goal to the controller every second, and the goal before ends aborted. Here `follow_path` takes the goal of
-`navigate_to_pose`, and no path.
+`python -m tests.sim.parts` simulates the world and starts the three others; with `--part NAME` it is one of these. As in Nav2,
+the navigator sends its goal to the controller every second, and the previous goal ends aborted. Here `follow_path` receives the goal of
+`navigate_to_pose`, not a path.
 """
 
 import argparse
@@ -59,30 +59,30 @@ from sar_compiler.sim.world import find_world
 AMCL, CONTROLLER, NAVIGATOR = PARTS = ("amcl", "controller_server", "bt_navigator")
 _WORLD = "disaster_zone"
 _MAP, _ODOM, _BASE = "map", "odom", "base_link"
-# The true pose and that by the odometry, for the localisation.
+# The true pose and the odometry pose, for the localisation.
 _PLACES = "simulator/places"
-# A transform from `map` that is older says nothing of now, in seconds of either clock.
+# An older transform from `map` is not used, in seconds of either clock.
 _FRESH_SEC = 0.5
 
-# How often a goal is sent on, steady seconds: Nav2's tree plans so often, by this clock, and follows the new path.
+# How often a goal is forwarded, steady seconds: Nav2's tree replans at this rate, by this clock, and follows the new path.
 _REPLANS_SEC = 1.0
-# Who drives says ten times a second where; silent for so long, it is taken for dead, seconds of both clocks.
+# The controller sends feedback ten times a second; after such a silence it counts as crashed, seconds of both clocks.
 _SILENCE_SEC = 0.5
 _ENDS = {SUCCEEDED: DriveEnd.SUCCEEDED, ABORTED: DriveEnd.ABORTED}
 
 
 class RemoteRobot:
-    """The robot, of which a process knows what it hears, and which it drives by `cmd_vel`.
+    """The robot as another process knows it from messages, and drives it by `cmd_vel`.
 
     Args:
         host: Creates the node.
         name: The node's name.
-        knows_truth: Whether its true place is known, as to a localisation; else its odometry is.
+        knows_truth: Whether its true pose is received, as by a localisation; else its odometry.
 
     Attributes:
         limits: The limits of its drive.
-        state: Its state, as far as it is known.
-        is_known: Whether its true place is.
+        state: Its last known state.
+        is_known: Whether its true pose is known.
     """
 
     def __init__(self, host: NodeHost, name: str, *, knows_truth: bool = False) -> None:
@@ -101,18 +101,18 @@ class RemoteRobot:
         self._commands = node.create_publisher(TwistStamped, "cmd_vel", 10)
 
     def step(self, now_ns: int) -> None:
-        """Note the simulated time, nanoseconds."""
+        """Store the simulated time, nanoseconds."""
         self._now_ns = now_ns
 
     def place(self) -> Pose2D | None:
-        """Return where it is by the last transform from `map` and the odometry; None without a fresh one."""
+        """Return its pose by the last transform from `map` and the odometry; None without a recent transform."""
         now, wall = self._now_ns / 1e9, time.monotonic()
         if self._offset is None or min(now - self._heard_at[0], wall - self._heard_at[1]) > _FRESH_SEC:
             return None
         return self._offset.compose(self.state.odometry)
 
     def drive(self, twist: Twist2D) -> None:
-        """Command it."""
+        """Send a velocity command."""
         message = TwistStamped()
         message.header.frame_id, message.header.stamp = _BASE, to_stamp(self._now_ns)
         message.twist.linear.x, message.twist.angular.z = twist.v, twist.w
@@ -141,7 +141,7 @@ def _planar(transform: Any) -> Pose2D:
 
 
 class Controller(BtNavigator):
-    """Node `controller_server`: planner, controller and behaviours. It plans as well, so that its action takes the goal of the navigator and no path."""
+    """Node `controller_server`: planner, controller and behaviours. It also plans, so its action receives the navigator's goal instead of a path."""
 
     node_name = CONTROLLER
 
@@ -164,48 +164,48 @@ class Controller(BtNavigator):
 
 
 def serve_state(node: Node, name: str, is_active: Callable[[], bool]) -> None:
-    """Say in which state a lifecycle node is."""
+    """Serve the state of a lifecycle node."""
     node.create_service(
         GetState, f"{name}/get_state", lambda _, response: set_lifecycle_state(response, active=is_active())
     )
 
 
-class _PassedOn(AcceptedGoal):
-    """A goal that another process drives to."""
+class _ForwardedGoal(AcceptedGoal):
+    """A goal that another process executes."""
 
     def __init__(self, handle: ServerGoalHandle, began: float) -> None:
         super().__init__(handle, began)
         self.taken: ClientGoalHandle | None = None
-        self.is_called_off = False
+        self.is_cancel_sent = False
         self.sent_at = math.inf
         self.heard_at = began, time.monotonic()
 
     def hear(self, now: float) -> None:
-        """Note that who drives has said something, at a simulated time, seconds."""
+        """Record that the controller has sent a message, at a simulated time, seconds."""
         self.heard_at = now, time.monotonic()
 
     def silence_sec(self, now: float) -> float:
-        """Return for how long it has said nothing, seconds of the clock that is slower."""
+        """Return for how long it has been silent, seconds of the slower clock."""
         return min(now - self.heard_at[0], time.monotonic() - self.heard_at[1])
 
 
 class Navigator:
-    """Node `bt_navigator`: `navigate_to_pose`, each goal of which `follow_path` of `controller_server` drives to.
+    """Node `bt_navigator`: serves `navigate_to_pose`, and forwards each goal to `follow_path` of `controller_server`.
 
-    It sends a goal on every second, as Nav2 does with each new path: the goal of `follow_path` before that ends aborted, and the robot drives on.
-    It gives a goal up with code 0, as Nav2 does, where nobody takes it within `default_server_timeout`, or who drives falls silent;
-    what took it too late drives on.
+    It forwards a goal every second, as Nav2 does with each new path: the previous goal of `follow_path` ends aborted, and the robot drives on.
+    It gives a goal up with code 0, as Nav2 does, if no server accepts it within `default_server_timeout`, or if the controller falls silent;
+    a controller that accepts it too late drives on.
 
     Args:
         host: Creates the node.
-        robot: The robot, whose localisation it waits for.
+        robot: The robot; it waits for the robot's localisation.
     """
 
     def __init__(self, host: NodeHost, robot: RemoteRobot) -> None:
         self._now = 0.0
         self._active_at: float | None = None
         self._robot = robot
-        self._goal: _PassedOn | None = None
+        self._goal: _ForwardedGoal | None = None
         self._node = host.create(NAVIGATOR)
         self._driver = ActionClient(self._node, NavigateToPose, FOLLOW)
         serve_state(self._node, NAVIGATOR, lambda: self.active)
@@ -228,16 +228,16 @@ class Navigator:
             if goal.silence_sec(self._now) > QUICK.server_timeout_sec:
                 self._give_up(goal, f"{FOLLOW} has not taken the goal in time")
             return
-        if goal.handle.is_cancel_requested and not goal.is_called_off:
-            goal.is_called_off = True
+        if goal.handle.is_cancel_requested and not goal.is_cancel_sent:
+            goal.is_cancel_sent = True
             goal.taken.cancel_goal_async()
         if goal.silence_sec(self._now) > _SILENCE_SEC:
             self._give_up(goal, f"{FOLLOW} has fallen silent")
-        elif not goal.is_called_off and time.monotonic() - goal.sent_at >= _REPLANS_SEC:
-            self._send_on(goal)
+        elif not goal.is_cancel_sent and time.monotonic() - goal.sent_at >= _REPLANS_SEC:
+            self._forward(goal)
 
     def stop(self) -> bool:
-        """End the current goal; return whether there was one, whose client is still to be notified."""
+        """End the current goal; return whether there was one, so that its client must be notified."""
         goal = self._goal
         if goal is not None:
             if goal.taken is not None:
@@ -254,25 +254,25 @@ class Navigator:
         return GoalResponse.ACCEPT if self.active else GoalResponse.REJECT
 
     def _on_accepted(self, handle: ServerGoalHandle) -> None:
-        goal, before = _PassedOn(handle, self._now), self._goal
+        goal, before = _ForwardedGoal(handle, self._now), self._goal
         handle.execute(goal.run)
         if before is not None:
             before.finish(end_of_replaced_goal(before))
         self._goal = goal
-        self._send_on(goal)
+        self._forward(goal)
 
-    def _send_on(self, goal: _PassedOn) -> None:
+    def _forward(self, goal: _ForwardedGoal) -> None:
         goal.sent_at = math.inf
 
-        def pass_on(message: Any) -> None:
+        def on_feedback(message: Any) -> None:
             goal.hear(self._now)
             if goal is self._goal:
                 goal.handle.publish_feedback(message.feedback)
 
-        sent = self._driver.send_goal_async(goal.handle.request, pass_on)
+        sent = self._driver.send_goal_async(goal.handle.request, on_feedback)
         sent.add_done_callback(lambda answer: self._on_answer(goal, answer))
 
-    def _on_answer(self, goal: _PassedOn, answer: Future) -> None:
+    def _on_answer(self, goal: _ForwardedGoal, answer: Future) -> None:
         taken = answer.result()
         if not taken.accepted:
             self._give_up(goal, f"{FOLLOW} has refused the goal")
@@ -280,40 +280,40 @@ class Navigator:
         is_outlived = goal.taken is not None and goal is not self._goal
         goal.taken, goal.sent_at = taken, time.monotonic()
         goal.hear(self._now)
-        if goal.is_called_off or is_outlived:
+        if goal.is_cancel_sent or is_outlived:
             taken.cancel_goal_async()
         taken.get_result_async().add_done_callback(
             lambda result: self._on_result(goal, taken, result.result())
         )
 
-    def _on_result(self, goal: _PassedOn, taken: ClientGoalHandle, result: Any) -> None:
+    def _on_result(self, goal: _ForwardedGoal, taken: ClientGoalHandle, result: Any) -> None:
         if taken is not goal.taken or (result.status == ABORTED and goal.sent_at == math.inf):
-            return  # of a path before the last one
+            return  # of an earlier path
         ending = _ENDS.get(result.status)
         if result.status == CANCELED and goal.handle.is_cancel_requested:
             ending = DriveEnd.CANCELED
         if ending is None:
-            self._give_up(goal, f"{FOLLOW} was told by somebody else to stop")
+            self._give_up(goal, f"{FOLLOW} was stopped by another client")
         else:
             self._end(goal, DriveOutcome(ending, result.result.error_code, result.result.error_msg))
 
-    def _give_up(self, goal: _PassedOn, text: str) -> None:
+    def _give_up(self, goal: _ForwardedGoal, text: str) -> None:
         if goal is self._goal:
             self._node.get_logger().error(f"Goal aborted (0): {text}.")
         self._end(goal, DriveOutcome(DriveEnd.ABORTED, text=text))
 
-    def _end(self, goal: _PassedOn, outcome: DriveOutcome) -> None:
+    def _end(self, goal: _ForwardedGoal, outcome: DriveOutcome) -> None:
         if goal is self._goal:
             goal.finish(outcome)
             self._goal = None
 
 
-# How often it is looked whether the process is to end, and how long the ends of goals have to reach their clients, seconds.
+# How often the stop signal is checked, and how long the ends of goals have to reach their clients, seconds.
 _TURN_SEC, _FAREWELL_SEC = 0.1, 0.05
 
 
 class _Localiser:
-    """A localisation that begins when it has heard of its robot."""
+    """A localisation that starts when the pose of its robot is known."""
 
     def __init__(
         self, host: NodeHost, robot: RemoteRobot, occupancy: OccupancyMap, *, localised: bool
@@ -338,13 +338,13 @@ class _Localiser:
 
 
 class Part:
-    """One part of the stand-in for Nav2, in the world that another process simulates.
+    """One part of the stand-in for Nav2, in a world simulated by another process.
 
     Args:
         name: Which, one of `PARTS`.
-        localised: Whether a localisation knows where the robot is without being told.
+        localised: Whether a localisation knows the robot's pose without an initial pose.
         context: The nodes' context.
-        interrupted: Returns whether the process is to end.
+        interrupted: Returns whether the process must end.
     """
 
     def __init__(
@@ -360,7 +360,7 @@ class Part:
         self._part = _make_part(name, host, self._robot, navigation, localised=localised)
 
     def run(self) -> None:
-        """Serve until the process is to end; then end the current goal."""
+        """Serve until the process must end; then end the current goal."""
         while not self._interrupted():
             self._executor.serve_until(time.monotonic() + _TURN_SEC)
         if self._part.stop():
@@ -383,8 +383,8 @@ def _make_part(
     return Navigator(host, robot)
 
 
-def _tell_truth(node: Node, simulation: Simulation) -> None:
-    """Publish with each odometry of the robot where it truly is."""
+def _publish_true_pose(node: Node, simulation: Simulation) -> None:
+    """Publish the true pose with each odometry message of the robot."""
     places = node.create_publisher(TFMessage, _PLACES, 10)
 
     def on_odometry(message: Odometry) -> None:
@@ -396,19 +396,19 @@ def _tell_truth(node: Node, simulation: Simulation) -> None:
 
 
 def _simulate(context: Context, speed: float, signals: StopSignals) -> None:
-    """Simulate the robot in its world, with all other parts in processes of their own."""
+    """Simulate the robot in its world, with all other parts in separate processes."""
     world = dataclasses.replace(
         find_world(_WORLD), map_path=None
-    )  # with a map it would be its own navigation
+    )  # with a map the simulation would include navigation
     node = Node("simulator_places", context=context)
     simulation = Simulation(world, speed=speed, context=context, extra_nodes=[node])
-    _tell_truth(node, simulation)
+    _publish_true_pose(node, simulation)
     command = [sys.executable, "-m", "tests.sim.parts", "--part"]
     with simulation:
         parts = {name: subprocess.Popen([*command, name], env=dependent_environment()) for name in PARTS}
         for name, process in parts.items():
-            _say(f"{name} is process {process.pid}")
-        _say("the world runs")
+            _print_line(f"{name} is process {process.pid}")
+        _print_line("the world runs")
         while not signals.wait(_TURN_SEC):
             if simulation.failure is not None:
                 raise simulation.failure
@@ -418,13 +418,13 @@ def _simulate(context: Context, speed: float, signals: StopSignals) -> None:
             process.wait()
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
 
 
 def main() -> None:
-    """Be the world, or one of the parts, until a signal comes."""
+    """Run the world, or one of the parts, until a signal arrives."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--part", choices=PARTS)
     parser.add_argument("--speed", type=float, default=1.0)
@@ -444,7 +444,7 @@ def main() -> None:
             context=context,
             interrupted=lambda: signals.came,
         )
-        _say(f"{options.part} runs")
+        _print_line(f"{options.part} runs")
         part.run()
 
 

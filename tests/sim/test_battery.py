@@ -1,4 +1,4 @@
-"""The battery of a simulated robot: what takes from it, and where it is swapped."""
+"""Tests of the battery of a simulated robot: how it discharges, and where it is swapped."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def stand(battery: Battery, seconds: float, away: float = 0.0, speed: float = 0.
         battery.step(Pose2D(START.x + away, START.y), speed, 1.0)
 
 
-def test_metres_and_seconds_take_from_it() -> None:
+def test_distance_and_time_discharge_battery() -> None:
     battery = Battery(BatteryKind(per_m=0.01, per_sec=0.002, share=0.9), START)
     drive(battery, 10.0)
     assert battery.share == pytest.approx(0.8)
@@ -31,13 +31,13 @@ def test_metres_and_seconds_take_from_it() -> None:
     assert battery.share == pytest.approx(0.7)
 
 
-def test_an_empty_one_stays_empty() -> None:
+def test_empty_battery_stays_empty() -> None:
     battery = Battery(BatteryKind(per_m=0.2), START)
     drive(battery, 10.0)
     assert battery.share == 0.0
 
 
-def test_by_default_it_lasts_four_hours_however_far_it_drives_and_is_not_swapped() -> None:
+def test_default_battery_lasts_four_hours_and_is_not_swapped() -> None:
     battery = Battery(BatteryKind(), START)
     drive(battery, 50.0)
     stand(battery, 3600, away=50.0)
@@ -46,7 +46,7 @@ def test_by_default_it_lasts_four_hours_however_far_it_drives_and_is_not_swapped
     assert battery.share == pytest.approx(0.5)
 
 
-def test_it_is_swapped_at_a_charging_place_too() -> None:
+def test_battery_is_swapped_at_charging_location() -> None:
     kind = BatteryKind(per_m=0.01, per_sec=0.0, swap_sec=10.0, places=((12.0, START.y),))
     battery = Battery(kind, START)
     drive(battery, 5.0)
@@ -57,7 +57,7 @@ def test_it_is_swapped_at_a_charging_place_too() -> None:
     assert battery.share == 1.0
 
 
-def test_it_is_swapped_where_the_robot_has_stood_at_its_start_for_long_enough() -> None:
+def test_battery_is_swapped_after_robot_stands_at_start() -> None:
     battery = Battery(BatteryKind(per_m=0.01, per_sec=0.0, swap_sec=10.0), START)
     drive(battery, 10.0)
     stand(battery, 20, away=10.0)
@@ -71,7 +71,7 @@ def test_it_is_swapped_where_the_robot_has_stood_at_its_start_for_long_enough() 
     assert battery.share == 1.0
 
 
-def test_a_robot_that_has_not_left_keeps_the_battery_that_it_has() -> None:
+def test_battery_is_not_swapped_before_robot_leaves_start() -> None:
     battery = Battery(BatteryKind(per_sec=0.0, share=0.5, swap_sec=10.0), START)
     stand(battery, 100)
     assert battery.share == 0.5
@@ -87,13 +87,13 @@ def world(tmp_path: Path, battery: str) -> BatteryKind:
     return load_world(file).battery
 
 
-def test_a_world_says_what_its_batteries_are_like(tmp_path: Path) -> None:
+def test_world_file_configures_battery(tmp_path: Path) -> None:
     assert world(tmp_path, "") == BatteryKind()
     said = "battery: {per_m: 0.01, per_sec: 0.001, share: 0.5, swap_sec: 20}"
     assert world(tmp_path, said) == BatteryKind(0.01, 0.001, 0.5, 20)
 
 
 @pytest.mark.parametrize("battery", ["{share: 50}", "{per_m: -1}", "{swap_sec: 0}", "{volts: 12}"])
-def test_a_battery_that_cannot_be_is_a_mistake_in_the_file(tmp_path: Path, battery: str) -> None:
+def test_invalid_battery_in_world_file_is_rejected(tmp_path: Path, battery: str) -> None:
     with pytest.raises(TreeError):
         world(tmp_path, f"battery: {battery}")

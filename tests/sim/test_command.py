@@ -1,4 +1,4 @@
-"""`sar-sim`."""
+"""Tests of the command `sar-sim`."""
 
 import os
 import signal
@@ -14,7 +14,7 @@ from tests.sim.conftest import Client, Navigation
 from tests.waiting import SILENCE_SEC
 
 
-def started(*arguments: str) -> "subprocess.Popen[str]":
+def start_simulator(*arguments: str) -> "subprocess.Popen[str]":
     command = [sys.executable, "-c", "import sys; from sar_compiler.cli.sim import main; sys.exit(main())"]
     pipe = subprocess.PIPE
     return subprocess.Popen(
@@ -24,10 +24,10 @@ def started(*arguments: str) -> "subprocess.Popen[str]":
 
 @pytest.mark.ros
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 0), (signal.SIGTERM, 0)])
-def test_a_signal_ends_the_simulation_with_its_status_and_no_traceback(
+def test_signal_ends_simulation_with_status_and_no_traceback(
     client: Client, number: signal.Signals, status: int
 ) -> None:
-    process = started("--speed", "20")
+    process = start_simulator("--speed", "20")
     try:
         client.make_ready()
         navigation = Navigation(client)
@@ -46,8 +46,8 @@ def test_a_signal_ends_the_simulation_with_its_status_and_no_traceback(
 
 @pytest.mark.ros
 @pytest.mark.usefixtures("client")
-def test_a_signal_during_the_look_around_ends_it_before_a_world_is_there() -> None:
-    process = started("--robot", "r1")
+def test_signal_during_discovery_ends_command_before_simulation_starts() -> None:
+    process = start_simulator("--robot", "r1")
     try:
         assert process.stderr is not None
         assert "Checking for other simulations" in process.stderr.readline()
@@ -60,10 +60,10 @@ def test_a_signal_during_the_look_around_ends_it_before_a_world_is_there() -> No
 
 
 @pytest.mark.ros
-def test_a_namespace_on_the_command_line_moves_the_robot(ros_context: Any) -> None:
+def test_namespace_on_command_line_applies_to_robot(ros_context: Any) -> None:
     client = Client(ros_context, namespace="/robot1")
     remaps = ["-r", "__ns:=/robot1", "-r", "/tf:=tf"]
-    process = started("--speed", "20", "--ros-args", *remaps)
+    process = start_simulator("--speed", "20", "--ros-args", *remaps)
     try:
         client.make_ready()
         names = {name for name, _ in client.node.get_topic_names_and_types()}
@@ -77,10 +77,12 @@ def test_a_namespace_on_the_command_line_moves_the_robot(ros_context: Any) -> No
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_named_robots_keep_their_namespaces_whatever_that_of_the_command_line_is(ros_context: Any) -> None:
+def test_named_robots_ignore_namespace_of_command_line(ros_context: Any) -> None:
     client = Client(ros_context, namespace="/robot1")
     pair = ["--robot", "robot1:-0.7,0,3.14", "--robot", "robot2:0.7,0"]
-    process = started(*pair, "--speed", "20", "--ros-args", "-r", "__ns:=/lab", "-r", "/tf:=elsewhere")
+    process = start_simulator(
+        *pair, "--speed", "20", "--ros-args", "-r", "__ns:=/lab", "-r", "/tf:=elsewhere"
+    )
     try:
         client.make_ready()
         names = {name for name, _ in client.node.get_topic_names_and_types()}
@@ -96,11 +98,11 @@ def test_named_robots_keep_their_namespaces_whatever_that_of_the_command_line_is
 
 
 @pytest.mark.ros
-def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> None:
+def test_simulation_is_refused_if_other_node_provides_clock(client: Client) -> None:
     from rosgraph_msgs.msg import Clock
 
     client.node.create_publisher(Clock, "/clock", 10)
-    process = started()
+    process = start_simulator()
     _, errors = process.communicate(timeout=SILENCE_SEC)
     assert process.returncode == 2
     assert errors.splitlines()[-1].startswith(
@@ -128,7 +130,9 @@ def test_a_second_simulation_is_refused_and_the_first_named(client: Client) -> N
         ([], "required: COMMAND"),
     ],
 )
-def test_wrong_usage_is_named(arguments: list[str], problem: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_usage_is_reported(
+    arguments: list[str], problem: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as raised:
         main(arguments)
     assert raised.value.code == 2
@@ -144,26 +148,26 @@ def test_wrong_usage_is_named(arguments: list[str], problem: str, capsys: pytest
         (["a:3,-3"], "sar-sim: robot 'a': would start in contact with an obstacle"),
     ],
 )
-def test_robots_that_cannot_be_placed_are_wrong_usage(robots: list[str], problem: str) -> None:
-    process = started(*(part for robot in robots for part in ("--robot", robot)))
+def test_invalid_robot_placement_is_reported(robots: list[str], problem: str) -> None:
+    process = start_simulator(*(part for robot in robots for part in ("--robot", robot)))
     _, errors = process.communicate(timeout=SILENCE_SEC)
     assert process.returncode == 2
     assert errors.startswith(problem)
 
 
-def test_a_world_that_cannot_be_mapped_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+def test_mapping_of_world_without_survey_route_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["map", "empty"]) == 2
     assert "has no survey route" in capsys.readouterr().err
 
 
-def test_the_map_goes_where_it_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_map_is_written_to_given_path(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["map", "disaster_zone", "-o", str(tmp_path / "there"), "--seed", "3"]) == 0
     assert capsys.readouterr().out.split() == [str(tmp_path / "there.pgm"), str(tmp_path / "there.yaml")]
     assert (tmp_path / "there.yaml").read_text(encoding="utf-8").startswith("image: there.pgm\n")
 
 
 @pytest.mark.parametrize("output", [[], ["-o", "./flat"]])
-def test_a_map_does_not_overwrite_its_world(
+def test_map_does_not_overwrite_its_world(
     output: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = Path("worlds/empty.yaml").read_text(encoding="utf-8")
@@ -175,7 +179,7 @@ def test_a_map_does_not_overwrite_its_world(
     assert Path("flat.yaml").read_text(encoding="utf-8") == text
 
 
-def test_the_core_needs_no_ros() -> None:
+def test_core_needs_no_ros() -> None:
     modules = ["world", "robot", "survey", "planner", "navigator", "occupancy", "placement"]
     code = (
         "import sys; sys.modules['rclpy'] = None\n"

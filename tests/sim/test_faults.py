@@ -1,4 +1,4 @@
-"""What `--fault` says."""
+"""Tests of the faults of `--fault`."""
 
 import re
 
@@ -42,7 +42,7 @@ TARGETS = {**MISSION.faults, **NAVIGATION_FAULTS}
         ("amcl:die@zone_b,back=5", Fault("amcl", "die", place="zone_b", back=5.0)),
     ],
 )
-def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
+def test_fault_is_parsed_and_formatted_alike(text: str, fault: Fault) -> None:
     assert parse_fault(text, TARGETS) == fault
     assert str(parse_fault(text, TARGETS)) == text
 
@@ -83,7 +83,7 @@ def test_a_fault_is_read_and_written_alike(text: str, fault: Fault) -> None:
         ("navigate_to_pose:abort=zone b", "'zone b' is not the name of a location"),
     ],
 )
-def test_a_fault_that_makes_no_sense_is_explained(text: str, problem: str) -> None:
+def test_invalid_fault_is_explained(text: str, problem: str) -> None:
     with pytest.raises(FaultError, match=re.escape(f"fault '{text}': ") + ".*" + re.escape(problem)):
         parse_fault(text, TARGETS)
 
@@ -92,7 +92,7 @@ def plan(*texts: str) -> FaultPlan:
     return FaultPlan([parse_fault(text, TARGETS) for text in texts])
 
 
-def test_calls_are_dropped_first_then_refused_and_all_answers_delayed() -> None:
+def test_calls_are_dropped_then_refused_and_responses_are_delayed() -> None:
     faults = plan("report_survivor:refuse=1", "report_survivor:drop=2", "report_survivor:delay=3")
     service = faults.for_service("report_survivor")
     assert [service.next_call() for _ in range(4)] == [
@@ -103,17 +103,17 @@ def test_calls_are_dropped_first_then_refused_and_all_answers_delayed() -> None:
     ]
 
 
-def test_faults_of_one_service_leave_the_others_alone() -> None:
+def test_faults_of_service_do_not_affect_other_services() -> None:
     assert plan("report_survivor:drop=2").for_service("detect_survivor").next_call() == CallFaults()
     assert ServiceFaults().next_call() == CallFaults()
 
 
-def test_goals_are_rejected_as_often_as_said() -> None:
+def test_goals_are_rejected_given_number_of_times() -> None:
     navigation = plan("navigate_to_pose:reject=2").for_navigation()
     assert [navigation.should_reject() for _ in range(3)] == [True, True, False]
 
 
-def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:
+def test_goals_for_aborted_zone_are_aborted_every_time() -> None:
     faults = plan("navigate_to_pose:abort=zone_b")
     navigation, [aborts] = faults.for_navigation(), faults.faults
     assert [navigation.fault_for_goal(zone) for zone in ("zone_b", "zone_a", None, "zone_b")] == [
@@ -124,7 +124,7 @@ def test_goals_for_an_aborted_zone_are_aborted_every_time() -> None:
     ]
 
 
-def test_a_code_comes_without_a_zone_to_every_goal() -> None:
+def test_code_without_zone_applies_to_every_goal() -> None:
     faults = plan("navigate_to_pose:code=208,after=14s")
     navigation = faults.for_navigation()
     assert [navigation.fault_for_goal(zone) for zone in ("zone_a", None)] == [*faults.faults] * 2
@@ -134,7 +134,7 @@ def test_a_code_comes_without_a_zone_to_every_goal() -> None:
 
 
 @pytest.mark.parametrize("kind", ["late=50ms", "starved", "succeed"])
-def test_a_busy_computer_fails_every_goal_and_at_a_zone_one(kind: str) -> None:
+def test_late_starved_and_succeed_apply_to_every_goal_or_once_at_zone(kind: str) -> None:
     faults = plan(f"navigate_to_pose:{kind}")
     navigation = faults.for_navigation()
     assert [navigation.fault_for_goal(zone) for zone in ("zone_a", None)] == [*faults.faults] * 2
@@ -147,18 +147,18 @@ def test_a_busy_computer_fails_every_goal_and_at_a_zone_one(kind: str) -> None:
     ]
 
 
-def test_the_localisation_dies_on_the_way_to_anywhere() -> None:
+def test_localisation_fault_without_zone_applies_to_any_goal() -> None:
     faults = plan("amcl:die")
     assert faults.for_navigation().fault_for_goal(None) == faults.faults[0]
 
 
-def test_a_server_dies_once_per_fault() -> None:
+def test_server_crashes_once_per_fault() -> None:
     faults = plan("navigate_to_pose:die@zone_c,back=5")
     navigation = faults.for_navigation()
     assert [navigation.fault_for_goal("zone_c") for _ in range(2)] == [*faults.faults, None]
 
 
-def test_a_place_that_is_not_there_is_named() -> None:
+def test_unknown_location_is_named() -> None:
     with pytest.raises(FaultError, match=r"unknown place 'zone-a'.*did you mean 'zone_a'"):
         plan("navigate_to_pose:abort=zone-a").for_navigation().check_places(["zone_a"])
     plan("navigate_to_pose:abort=zone_a").for_navigation().check_places(["zone_a"])

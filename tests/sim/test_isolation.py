@@ -1,4 +1,4 @@
-"""A simulated robot does not mix with others."""
+"""Tests of isolating a simulated robot from other robots and simulations."""
 
 import os
 import subprocess
@@ -16,8 +16,8 @@ from tests.sim.conftest import Client
 pytestmark = pytest.mark.ros
 
 
-def waits(context: Any) -> bool:
-    """Return whether the absence of others has to be waited for."""
+def needs_discovery_wait(context: Any) -> bool:
+    """Return whether the check for other nodes has to wait for discovery."""
     from sar_compiler.sim.isolation import require_no_other_nodes
 
     waited: list[bool] = []
@@ -25,8 +25,8 @@ def waits(context: Any) -> bool:
     return bool(waited)
 
 
-def test_alone_in_its_domain_nobody_has_to_be_waited_for(ros_context: Any) -> None:
-    assert not waits(ros_context)
+def test_discovery_wait_is_skipped_if_domain_is_empty(ros_context: Any) -> None:
+    assert not needs_discovery_wait(ros_context)
 
 
 BYSTANDER = """
@@ -38,17 +38,17 @@ input()
 """
 
 
-def test_others_are_waited_for_where_another_process_is_in_the_domain(ros_context: Any) -> None:
+def test_discovery_wait_is_needed_with_other_process_in_domain(ros_context: Any) -> None:
     pipe = subprocess.PIPE
     with subprocess.Popen([sys.executable, "-c", BYSTANDER], stdin=pipe, stdout=pipe) as bystander:
         assert bystander.stdout is not None
         assert bystander.stdout.readline() == b"is there\n"
-        assert waits(ros_context)
+        assert needs_discovery_wait(ros_context)
         bystander.communicate(b"\n")
-    assert not waits(ros_context)
+    assert not needs_discovery_wait(ros_context)
 
 
-def test_others_are_waited_for_where_this_process_has_another_participant(ros_context: Any) -> None:
+def test_discovery_wait_is_needed_with_second_participant_of_process(ros_context: Any) -> None:
     import rclpy
     from rclpy.context import Context
 
@@ -56,7 +56,7 @@ def test_others_are_waited_for_where_this_process_has_another_participant(ros_co
     rclpy.init(context=context, args=[])
     node = rclpy.create_node("other", context=context)
     try:
-        assert waits(ros_context)
+        assert needs_discovery_wait(ros_context)
     finally:
         node.destroy_node()
         context.try_shutdown()
@@ -70,41 +70,41 @@ def test_others_are_waited_for_where_this_process_has_another_participant(ros_co
         ("FASTRTPS_DEFAULT_PROFILES_FILE", "profiles.xml"),
     ],
 )
-def test_others_are_waited_for_where_they_may_be_met_elsewhere_than_here(
+def test_discovery_wait_is_needed_if_environment_extends_discovery(
     ros_context: Any, monkeypatch: pytest.MonkeyPatch, name: str, value: str
 ) -> None:
     monkeypatch.setenv(name, value)
-    assert waits(ros_context)
+    assert needs_discovery_wait(ros_context)
 
 
-def test_others_are_waited_for_where_a_file_says_how_to_meet_them(
+def test_discovery_wait_is_needed_with_fast_dds_profile_file(
     ros_context: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "DEFAULT_FASTRTPS_PROFILES.xml").touch()
     monkeypatch.chdir(tmp_path)
-    assert waits(ros_context)
+    assert needs_discovery_wait(ros_context)
 
 
 @pytest.mark.parametrize("tables", [(Path("no/such/file"),), ()])
-def test_others_are_waited_for_where_the_system_does_not_say_who_listens(
+def test_discovery_wait_is_needed_without_socket_tables(
     ros_context: Any, monkeypatch: pytest.MonkeyPatch, tables: tuple[Path, ...]
 ) -> None:
     from sar_compiler.sim import isolation
 
     monkeypatch.setattr(isolation, "_SOCKETS", tables)
-    assert waits(ros_context)
+    assert needs_discovery_wait(ros_context)
 
 
-def test_others_are_waited_for_with_a_middleware_that_has_ports_of_its_own(
+def test_discovery_wait_is_needed_with_other_middleware(
     ros_context: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from sar_compiler.sim import isolation
 
     monkeypatch.setattr(isolation, "get_rmw_implementation_identifier", lambda: "rmw_zenoh_cpp")
-    assert waits(ros_context)
+    assert needs_discovery_wait(ros_context)
 
 
-def test_a_foreign_clock_is_named_with_its_node(ros_context: Any, client: Client) -> None:
+def test_foreign_clock_is_named_with_its_node(ros_context: Any, client: Client) -> None:
     from rosgraph_msgs.msg import Clock
 
     from sar_compiler.sim.isolation import IsolationError, require_no_other_nodes
@@ -115,7 +115,7 @@ def test_a_foreign_clock_is_named_with_its_node(ros_context: Any, client: Client
     assert raised.value.node == "node '/client'"
 
 
-def test_a_node_whose_announcement_has_not_arrived_is_another_node(
+def test_clock_of_unannounced_node_is_a_conflict(
     ros_context: Any, client: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from rclpy.node import Node
@@ -131,7 +131,7 @@ def test_a_node_whose_announcement_has_not_arrived_is_another_node(
         require_no_other_nodes(context=ros_context, look_around_sec=0.2)
 
 
-def test_a_foreign_navigation_server_is_named_with_its_node(ros_context: Any) -> None:
+def test_foreign_navigation_server_is_named_with_its_node(ros_context: Any) -> None:
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionServer
 
@@ -150,7 +150,7 @@ def test_a_foreign_navigation_server_is_named_with_its_node(ros_context: Any) ->
         robot.close()
 
 
-def test_a_mere_client_of_navigation_is_no_company(ros_context: Any, client: Client) -> None:
+def test_navigation_client_is_not_a_conflict(ros_context: Any, client: Client) -> None:
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionClient
 
@@ -166,7 +166,7 @@ def test_a_mere_client_of_navigation_is_no_company(ros_context: Any, client: Cli
         action.destroy()
 
 
-def test_a_running_simulation_is_company(ros_context: Any, simulate: Callable[..., Any]) -> None:
+def test_running_simulation_is_a_conflict(ros_context: Any, simulate: Callable[..., Any]) -> None:
     from sar_compiler.sim.isolation import IsolationError, require_no_other_nodes
 
     simulate()
@@ -174,7 +174,7 @@ def test_a_running_simulation_is_company(ros_context: Any, simulate: Callable[..
         require_no_other_nodes(context=ros_context)
 
 
-def test_a_simulation_ends_when_another_one_comes(
+def test_simulation_ends_when_second_clock_appears(
     ros_context: Any, client: Client, disaster_zone: World
 ) -> None:
     from rosgraph_msgs.msg import Clock
@@ -189,10 +189,10 @@ def test_a_simulation_ends_when_another_one_comes(
     assert "already provides /clock in this ROS domain" in str(simulation.failure)
 
 
-def test_a_robot_alone_outlives_a_second_server_of_its_navigation(
+def test_simulation_without_map_survives_second_navigation_server(
     ros_context: Any, client: Client, disaster_zone: World
 ) -> None:
-    """A killed navigator stays in the graph for 20 s, beside the one that takes its place."""
+    """A killed navigator stays in the graph for 20 s, beside its replacement."""
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionServer
 
@@ -217,7 +217,7 @@ def test_a_robot_alone_outlives_a_second_server_of_its_navigation(
     assert simulation.failure is None
 
 
-def test_the_range_that_a_user_chose_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_discovery_range_of_user_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     from sar_compiler.sim.isolation import stay_on_this_machine
 
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
@@ -225,10 +225,10 @@ def test_the_range_that_a_user_chose_is_kept(monkeypatch: pytest.MonkeyPatch) ->
     assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
 
 
-def test_the_range_is_this_machine_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_discovery_range_defaults_to_localhost(monkeypatch: pytest.MonkeyPatch) -> None:
     from sar_compiler.sim.isolation import stay_on_this_machine
 
-    # Set first, so that the fixture puts the present value back at the end.
+    # Set first, so that the fixture restores the present value at the end.
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
     monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE")
     stay_on_this_machine()

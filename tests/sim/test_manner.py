@@ -1,4 +1,4 @@
-"""How the stand-in for Nav2 drives, by Nav2's parameters."""
+"""Tests of the driving parameters of the stand-in for Nav2."""
 
 from pathlib import Path
 
@@ -7,14 +7,14 @@ import pytest
 from sar_compiler.sim.navigator import QUICK, like_nav2, manner
 
 
-def test_like_nav2_it_drives_by_the_shipped_parameters() -> None:
+def test_nav2_mode_uses_shipped_parameters() -> None:
     nav2 = manner("nav2")
     assert (nav2.speed, nav2.turn, nav2.tolerance, nav2.server_timeout_sec) == (0.4, 1.0, 0.25, 1.0)
     assert (nav2.follower.look_ahead, nav2.follower.position_tolerance) == (0.6, 0.25)
     assert manner("quick") is QUICK
 
 
-def test_what_a_parameter_file_says_counts_and_what_it_leaves_out_is_nav2_s_default(tmp_path: Path) -> None:
+def test_parameter_file_overrides_defaults_of_nav2(tmp_path: Path) -> None:
     parameters = tmp_path / "nav2.yaml"
     parameters.write_text(
         """

@@ -1,4 +1,4 @@
-"""The map: making, writing, reading."""
+"""Tests of making, writing and reading maps."""
 
 import itertools
 from pathlib import Path
@@ -17,7 +17,7 @@ from sar_compiler.tree.diagnostic import TreeError
 
 
 @pytest.mark.parametrize("name", ["disaster_zone", pytest.param("offices", marks=pytest.mark.slow)])
-def test_the_shipped_map_is_what_the_survey_writes(name: str, tmp_path: Path) -> None:
+def test_shipped_map_equals_survey(name: str, tmp_path: Path) -> None:
     assert main(["map", name, "-o", str(tmp_path / name)]) == 0
     shipped = find_world(name).map_path
     assert shipped is not None
@@ -27,13 +27,13 @@ def test_the_shipped_map_is_what_the_survey_writes(name: str, tmp_path: Path) ->
         )
 
 
-def test_the_shipped_map_has_the_grey_values_of_map_saver(disaster_zone: World) -> None:
+def test_shipped_map_has_grey_values_of_map_saver(disaster_zone: World) -> None:
     assert disaster_zone.map_path is not None
     pixels = np.asarray(Image.open(disaster_zone.map_path.with_suffix(".pgm")))
     assert set(np.unique(pixels)) == {0, 205, 254}
 
 
-def test_the_map_agrees_with_the_world(disaster_zone: World, shipped_map: OccupancyMap) -> None:
+def test_map_agrees_with_world(disaster_zone: World, shipped_map: OccupancyMap) -> None:
     for value, near, far in ((FREE, 0.0, np.inf), (OCCUPIED, 0.0, 0.08)):
         cells = np.argwhere(shipped_map.cells == value)
         centres = shipped_map.centre_of(cells[:, 0], cells[:, 1])
@@ -43,24 +43,24 @@ def test_the_map_agrees_with_the_world(disaster_zone: World, shipped_map: Occupa
     assert [shipped_map.cells[cell] for cell in inside] == [UNKNOWN]
 
 
-def test_every_zone_and_the_base_are_on_free_ground(disaster_zone: World, shipped_map: OccupancyMap) -> None:
+def test_zones_and_base_are_on_free_ground(disaster_zone: World, shipped_map: OccupancyMap) -> None:
     for x, y in [*disaster_zone.places.values(), (0.0, 0.0)]:
         cell = shipped_map.cell_at(x, y)
         assert cell is not None
         assert shipped_map.cells[cell] == FREE
 
 
-def test_another_seed_makes_another_map(disaster_zone: World, shipped_map: OccupancyMap) -> None:
-    # The shipped map is that of seed 0, cell by cell.
+def test_other_seed_gives_other_map(disaster_zone: World, shipped_map: OccupancyMap) -> None:
+    # The shipped map is the map of seed 0.
     assert survey(disaster_zone, seed=1).cells.tobytes() != shipped_map.cells.tobytes()
 
 
-def test_a_world_without_a_survey_way_cannot_be_mapped() -> None:
+def test_world_without_survey_route_cannot_be_mapped() -> None:
     with pytest.raises(SurveyError, match="'empty' has no survey route"):
         survey(find_world("empty"))
 
 
-def test_a_survey_beyond_what_can_be_mapped_is_refused_before_it_is_driven() -> None:
+def test_survey_beyond_map_limit_is_rejected() -> None:
     world = World("w", Pose2D(0.0, 0.0), 0.22, survey=((20.0, 3.0), (20.0, -400_000.0)))
     with pytest.raises(
         SurveyError, match=r"point 2 of the survey .* differ from the robot's start by at most 25 m"
@@ -68,17 +68,17 @@ def test_a_survey_beyond_what_can_be_mapped_is_refused_before_it_is_driven() -> 
         survey(world)
 
 
-def test_a_survey_through_a_wall_gets_stuck(disaster_zone: World) -> None:
+def test_survey_through_wall_gets_stuck(disaster_zone: World) -> None:
     world = World("w", Pose2D(-3.0, 3.0), 0.22, boxes=disaster_zone.boxes, survey=((-3.0, -3.0),))
     with pytest.raises(SurveyError, match="got stuck at"):
         survey(world)
 
 
-def test_a_mapper_that_saw_nothing_leaves_all_unknown() -> None:
+def test_mapper_without_scans_leaves_all_cells_unknown() -> None:
     assert (Mapper(Lidar(), Pose2D(0.0, 0.0)).result().cells == UNKNOWN).all()
 
 
-def test_one_scan_frees_what_it_crosses_and_a_few_agree_on_the_wall() -> None:
+def test_scans_free_crossed_cells_and_mark_wall() -> None:
     lidar = Lidar(beams=4)
     mapper = Mapper(lidar, Pose2D(0.0, 0.0))
     for _ in range(3):
@@ -101,7 +101,7 @@ def save(occupancy: OccupancyMap, prefix: Path) -> tuple[Path, Path]:
     return image, description
 
 
-def test_a_map_survives_writing_and_reading(tmp_path: Path) -> None:
+def test_map_is_unchanged_after_writing_and_reading(tmp_path: Path) -> None:
     written = some_map()
     _, description = save(written, tmp_path / "m")
     again = read_map(description)
@@ -109,7 +109,7 @@ def test_a_map_survives_writing_and_reading(tmp_path: Path) -> None:
     assert (again.resolution, again.origin_x, again.origin_y) == (0.05, -1.5, 2.25)
 
 
-def test_the_first_pixel_is_the_upper_left_cell(tmp_path: Path) -> None:
+def test_first_pixel_is_upper_left_cell(tmp_path: Path) -> None:
     image, _ = save(some_map(), tmp_path / "m")
     assert image.read_bytes() == b"P5\n3 2\n255\n" + bytes([205, 254, 254, 254, 0, 205])
 
@@ -123,18 +123,18 @@ def write(tmp_path: Path, **changes: str) -> Path:
     return path
 
 
-def test_negate_turns_black_and_white(tmp_path: Path) -> None:
+def test_negate_inverts_black_and_white(tmp_path: Path) -> None:
     again = read_map(write(tmp_path, negate="1"))
     assert again.cells[0, 0] == OCCUPIED
     assert again.cells[0, 1] == FREE
 
 
-def test_the_thresholds_decide_between_free_unknown_and_occupied(tmp_path: Path) -> None:
+def test_free_threshold_decides_between_free_and_unknown(tmp_path: Path) -> None:
     again = read_map(write(tmp_path, free_thresh="0.25"))
     assert again.cells[0, 2] == FREE
 
 
-def test_a_picture_with_colours_and_transparency_is_averaged(tmp_path: Path) -> None:
+def test_image_with_transparency_is_averaged(tmp_path: Path) -> None:
     Image.new("RGBA", (2, 2), (0, 0, 0, 0)).save(tmp_path / "c.png")
     assert (read_map(write(tmp_path, image="c.png")).cells == OCCUPIED).all()
 
@@ -153,12 +153,12 @@ def test_a_picture_with_colours_and_transparency_is_averaged(tmp_path: Path) -> 
         ({"free_thresh": ""}, "the description of a map needs 'free_thresh'"),
     ],
 )
-def test_a_mistake_in_a_description_is_named(tmp_path: Path, changes: dict[str, str], problem: str) -> None:
+def test_error_in_map_description_is_reported(tmp_path: Path, changes: dict[str, str], problem: str) -> None:
     with pytest.raises(TreeError, match=problem):
         read_map(write(tmp_path, **changes))
 
 
-def test_an_image_that_is_none_is_named(tmp_path: Path) -> None:
+def test_invalid_image_is_reported(tmp_path: Path) -> None:
     (tmp_path / "no.pgm").write_text("no image")
     with pytest.raises(
         TreeError, match=r"m.yaml:1:8: error\[wrong-value\]: .*no\.pgm: the file is not a readable image"
@@ -166,18 +166,18 @@ def test_an_image_that_is_none_is_named(tmp_path: Path) -> None:
         read_map(write(tmp_path, image="no.pgm"))
 
 
-def test_a_map_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_missing_map_is_reported(tmp_path: Path) -> None:
     with pytest.raises(UnreadableFileError, match=r"cannot read .*gone\.yaml"):
         read_map(tmp_path / "gone.yaml")
 
 
-def test_a_map_that_cannot_be_written_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unwritable_map_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["map", "-o", str(tmp_path / "no" / "m")]) == 2
     assert "m.pgm: No such file or directory" in capsys.readouterr().err
 
 
 @pytest.mark.ros
-def test_a_map_that_is_published_is_read_as_the_same_map(shipped_map: OccupancyMap) -> None:
+def test_published_map_is_read_unchanged(shipped_map: OccupancyMap) -> None:
     from sar_compiler.sim.messages import from_grid, to_grid
 
     message = to_grid(shipped_map)
@@ -189,7 +189,7 @@ def test_a_map_that_is_published_is_read_as_the_same_map(shipped_map: OccupancyM
     assert place == pytest.approx((shipped_map.resolution, shipped_map.origin_x, shipped_map.origin_y))
 
 
-def test_the_survey_says_how_far_it_is(disaster_zone: World) -> None:
+def test_survey_reports_progress(disaster_zone: World) -> None:
     told: list[float] = []
     survey(disaster_zone, on_progress=told.append)
     assert all(later > earlier - 0.01 for earlier, later in itertools.pairwise(told))

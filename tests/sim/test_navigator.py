@@ -1,4 +1,4 @@
-"""Planning, following, and the end of drives, without ROS."""
+"""Tests of planning, following, and ending drives, without ROS."""
 
 import itertools
 from dataclasses import replace
@@ -43,7 +43,7 @@ def finish(drive: Drive, robot: Robot, now: float = 0.0) -> tuple[DriveOutcome, 
 
 
 @pytest.mark.parametrize(("start", "goal"), list(itertools.pairwise((HOME, *TOUR))))
-def test_paths_keep_to_ground_where_the_body_fits(
+def test_paths_stay_where_robot_fits(
     planner: Planner, shipped_map: OccupancyMap, start: Pose2D, goal: Pose2D
 ) -> None:
     points = planner.plan(start, goal).points
@@ -66,7 +66,7 @@ def test_paths_keep_to_ground_where_the_body_fits(
         (Pose2D(3.0, -3.0), HOME, NavCode.START_OCCUPIED),
     ],
 )
-def test_a_pose_that_cannot_be_is_refused_with_the_code_of_nav2(
+def test_invalid_pose_is_rejected_with_nav2_code(
     planner: Planner, start: Pose2D, goal: Pose2D, code: NavCode
 ) -> None:
     with pytest.raises(PlanningError) as raised:
@@ -80,25 +80,25 @@ def two_rooms() -> OccupancyMap:
     return OccupancyMap(cells, 0.05, 0.0, 0.0)
 
 
-def test_a_goal_behind_a_wall_has_no_path() -> None:
+def test_goal_behind_wall_has_no_path() -> None:
     with pytest.raises(PlanningError, match="no path leads from") as raised:
         Planner(two_rooms(), 0.22).plan(Pose2D(1.0, 1.0), Pose2D(3.0, 1.0))
     assert raised.value.code is NavCode.NO_VALID_PATH
 
 
-def test_a_map_without_free_ground_occupies_every_goal() -> None:
+def test_goal_on_map_without_free_ground_is_occupied() -> None:
     unknown = OccupancyMap(np.full((10, 10), UNKNOWN, dtype=np.int8), 0.05, 0.0, 0.0)
     with pytest.raises(PlanningError) as raised:
         Planner(unknown, 0.22).plan(Pose2D(0.2, 0.2), Pose2D(0.3, 0.3))
     assert raised.value.code is NavCode.GOAL_OCCUPIED
 
 
-def test_a_robot_that_leans_on_a_wall_may_leave_it() -> None:
+def test_robot_at_wall_may_leave() -> None:
     path = Planner(two_rooms(), 0.22).plan(Pose2D(0.2, 1.0), Pose2D(1.0, 1.0))
     assert path.remaining_lengths[0] > 0.5
 
 
-def test_the_tour_of_all_zones_ends_at_each_pose(disaster_zone: World, planner: Planner) -> None:
+def test_tour_reaches_pose_of_each_zone(disaster_zone: World, planner: Planner) -> None:
     robot, now = Robot(disaster_zone), 0.0
     for goal in TOUR:
         drive = Drive(planner, robot.limits, goal, robot.state.pose, now)
@@ -112,7 +112,7 @@ def test_the_tour_of_all_zones_ends_at_each_pose(disaster_zone: World, planner: 
     assert now < 100.0
 
 
-def test_a_robot_drives_on_until_it_is_nearer_than_its_tolerance(disaster_zone: World) -> None:
+def test_robot_drives_until_within_tolerance(disaster_zone: World) -> None:
     robot = Robot(disaster_zone)
     way = Path2D(np.array([(0.0, 0.0), (0.5, 0.0), (0.75, 0.0), (1.0, 0.0)]))
     speeds = []
@@ -122,7 +122,7 @@ def test_a_robot_drives_on_until_it_is_nearer_than_its_tolerance(disaster_zone: 
     assert speeds[0] > 0.0 == speeds[1]
 
 
-def test_the_same_drive_twice_is_the_same(disaster_zone: World, planner: Planner) -> None:
+def test_repeated_drive_is_identical(disaster_zone: World, planner: Planner) -> None:
     runs = []
     for _ in range(2):
         robot = Robot(disaster_zone, seed=7)
@@ -130,14 +130,14 @@ def test_the_same_drive_twice_is_the_same(disaster_zone: World, planner: Planner
     assert runs[0] == runs[1]
 
 
-def test_a_goal_where_the_robot_stands_only_turns_it(disaster_zone: World, planner: Planner) -> None:
+def test_goal_at_robot_position_only_turns_robot(disaster_zone: World, planner: Planner) -> None:
     robot = Robot(disaster_zone)
     outcome, states = finish(Drive(planner, robot.limits, Pose2D(0.0, 0.0, 2.0), HOME, 0.0), robot)
     assert outcome.ending is DriveEnd.SUCCEEDED
     assert all(state.pose.distance_to(HOME) < 0.05 for state in states)
 
 
-def test_braking_brings_the_robot_to_a_stand_and_cancels(disaster_zone: World, planner: Planner) -> None:
+def test_brake_stops_robot_and_cancels_drive(disaster_zone: World, planner: Planner) -> None:
     robot = Robot(disaster_zone)
     drive = Drive(planner, robot.limits, TOUR[0], HOME, 0.0)
     for step in range(100):
@@ -151,9 +151,7 @@ def test_braking_brings_the_robot_to_a_stand_and_cancels(disaster_zone: World, p
     assert len(states) < 20
 
 
-def test_an_obstacle_that_is_not_on_the_map_ends_in_no_progress(
-    disaster_zone: World, planner: Planner
-) -> None:
+def test_unmapped_obstacle_aborts_drive_for_lack_of_progress(disaster_zone: World, planner: Planner) -> None:
     fence = (
         Box(-0.9, 0.0, 0.1, 3.0),
         Box(0.9, 0.0, 0.1, 3.0),
@@ -166,7 +164,7 @@ def test_an_obstacle_that_is_not_on_the_map_ends_in_no_progress(
     assert outcome.code is NavCode.FAILED_TO_MAKE_PROGRESS
 
 
-def test_the_distance_remaining_falls_to_nothing(disaster_zone: World, planner: Planner) -> None:
+def test_distance_remaining_decreases_to_zero(disaster_zone: World, planner: Planner) -> None:
     robot = Robot(disaster_zone)
     drive = Drive(planner, robot.limits, TOUR[0], HOME, 0.0)
     left = []
@@ -182,7 +180,7 @@ def test_the_distance_remaining_falls_to_nothing(disaster_zone: World, planner: 
     assert max(after - before for before, after in itertools.pairwise(left)) < 0.1
 
 
-def test_a_path_that_passes_its_own_end_is_driven_all_the_way() -> None:
+def test_path_that_passes_its_own_end_is_driven_completely() -> None:
     robot = Robot(World("open", HOME, 0.22))
     path = Path2D.through_corners(np.array([(0.0, 0.0), (2.0, 0.0), (1.0, 1.0), (0.0, 0.0)]))
     follower = Follower(path, None, robot.limits)

@@ -1,4 +1,4 @@
-"""The stand-in for Nav2's planner: ways on the map, for which nothing moves."""
+"""Tests of the stand-in for Nav2's planner, which plans paths on the map without moving the robot."""
 
 import itertools
 import math
@@ -31,7 +31,7 @@ class Planning:
         client.wait(self._action.server_is_ready, "the server of compute_path_to_pose")
 
     def send(self, goal: Pose2D, start: Pose2D | None = None, frame: str = "map") -> Any:
-        """Ask for a way, from where the robot is if no start is given; return its handle."""
+        """Request a path, from the robot's position if no start is given; return its handle."""
         from sar_compiler.sim.messages import to_pose
 
         message = self._type.Goal(use_start=start is not None)
@@ -39,8 +39,8 @@ class Planning:
             stamped.header.frame_id, stamped.pose = frame, to_pose(pose)
         return self._client.result(self._action.send_goal_async(message), "the goal's answer")
 
-    def way(self, goal: Pose2D, start: Pose2D | None = None, frame: str = "map") -> tuple[int, Any]:
-        """Return how the planning has ended, and the result."""
+    def plan(self, goal: Pose2D, start: Pose2D | None = None, frame: str = "map") -> tuple[int, Any]:
+        """Return the final status of the planning, and the result."""
         handle = self.send(goal, start, frame)
         end = self._client.result(handle.get_result_async(), "the way")
         return end.status, end.result
@@ -63,8 +63,8 @@ def points(result: Any) -> list[tuple[float, float]]:
     return [(each.pose.position.x, each.pose.position.y) for each in result.path.poses]
 
 
-def test_a_way_leads_around_the_walls_of_the_map(planning: Planning) -> None:
-    status, result = planning.way(THERE, HERE)
+def test_path_leads_around_walls(planning: Planning) -> None:
+    status, result = planning.plan(THERE, HERE)
     assert (status, result.error_code, result.path.header.frame_id) == (SUCCEEDED, 0, "map")
     way = points(result)
     assert math.dist(way[0], (HERE.x, HERE.y)) < 0.3
@@ -72,8 +72,8 @@ def test_a_way_leads_around_the_walls_of_the_map(planning: Planning) -> None:
     assert sum(math.dist(*step) for step in itertools.pairwise(way)) > 3.0 * HERE.distance_to(THERE)
 
 
-def test_without_a_start_a_way_begins_where_the_robot_is(planning: Planning) -> None:
-    status, result = planning.way(THERE)
+def test_path_without_start_begins_at_robot(planning: Planning) -> None:
+    status, result = planning.plan(THERE)
     assert status == SUCCEEDED
     assert math.dist(points(result)[0], (0.0, 0.0)) < 0.3
 
@@ -91,14 +91,14 @@ def test_without_a_start_a_way_begins_where_the_robot_is(planning: Planning) -> 
         (THERE, "odom", 202, "the start is in the frame 'odom', not 'map'"),
     ],
 )
-def test_where_there_is_no_way_it_is_aborted_with_the_code_of_nav2(
+def test_impossible_path_is_aborted_with_nav2_code(
     planning: Planning, goal: Pose2D, frame: str, code: int, said: str
 ) -> None:
-    status, result = planning.way(goal, HERE, frame)
+    status, result = planning.plan(goal, HERE, frame)
     assert (status, result.error_code, result.error_msg, points(result)) == (ABORTED, code, said, [])
 
 
-def test_like_nav2_a_way_may_end_beside_an_occupied_goal_or_there_is_none(
+def test_path_in_nav2_mode_ends_beside_occupied_goal_or_fails(
     simulate: Callable[..., Any], client: "Client"
 ) -> None:
     from sar_compiler.sim.placement import Placement
@@ -106,22 +106,22 @@ def test_like_nav2_a_way_may_end_beside_an_occupied_goal_or_there_is_none(
     simulate(robots=(Placement("", like="nav2"),))
     client.make_ready()
     planning = Planning(client)
-    status, result = planning.way(Pose2D(3.0, -2.5), HERE)
+    status, result = planning.plan(Pose2D(3.0, -2.5), HERE)
     assert (status, result.error_code) == (SUCCEEDED, 0)
     assert 0.0 < math.dist(points(result)[-1], (3.0, -2.5)) < 0.25
-    status, result = planning.way(Pose2D(3.0, -3.0), HERE)
+    status, result = planning.plan(Pose2D(3.0, -3.0), HERE)
     assert (status, result.error_code) == (ABORTED, result.NO_VALID_PATH)
     planning.close()
 
 
-def test_before_it_is_active_it_takes_no_goal(simulate: Callable[..., Any], client: "Client") -> None:
+def test_inactive_planner_rejects_goals(simulate: Callable[..., Any], client: "Client") -> None:
     simulate()
     planning = Planning(client)
     assert not planning.send(THERE, HERE).accepted
     planning.close()
 
 
-def test_the_code_of_a_way_that_is_not_there_is_nav2s() -> None:
+def test_planner_codes_match_nav2() -> None:
     from nav2_msgs.action import ComputePathToPose
 
     from sar_compiler.sim.planner import NavCode

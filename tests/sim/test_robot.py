@@ -1,4 +1,4 @@
-"""The robot: limits, contact, odometry, repeatability."""
+"""Tests of the simulated robot: limits, contact, odometry, repeatability."""
 
 import math
 
@@ -35,7 +35,7 @@ def drive(robot: Robot, orders: list[tuple[Twist2D, int]]) -> list[RobotState]:
 
 @settings(max_examples=60, deadline=None)
 @given(commands, st.floats(0.1, 30.0))
-def test_whatever_the_commands_the_body_never_enters_an_obstacle(
+def test_robot_never_enters_obstacle(
     disaster_zone: World, orders: list[tuple[Twist2D, int]], speed: float
 ) -> None:
     robot = Robot(disaster_zone, limits=Limits(speed=speed, acceleration=50.0))
@@ -48,7 +48,7 @@ def test_whatever_the_commands_the_body_never_enters_an_obstacle(
 
 @given(commands, st.integers(0, 3))
 @settings(max_examples=20, deadline=None)
-def test_the_same_seed_and_commands_give_the_same_states_bit_for_bit(
+def test_same_seed_and_commands_give_identical_states(
     disaster_zone: World, orders: list[tuple[Twist2D, int]], seed: int
 ) -> None:
     assert drive(Robot(disaster_zone, seed=seed), orders) == drive(Robot(disaster_zone, seed=seed), orders)
@@ -56,7 +56,7 @@ def test_the_same_seed_and_commands_give_the_same_states_bit_for_bit(
 
 @given(commands)
 @settings(max_examples=20, deadline=None)
-def test_speeds_and_their_changes_keep_to_the_limits(orders: list[tuple[Twist2D, int]]) -> None:
+def test_speeds_and_accelerations_keep_to_limits(orders: list[tuple[Twist2D, int]]) -> None:
     robot = Robot(open_ground())
     last = STAND
     for state in drive(robot, orders):
@@ -68,12 +68,12 @@ def test_speeds_and_their_changes_keep_to_the_limits(orders: list[tuple[Twist2D,
         last = now
 
 
-def test_a_robot_told_nothing_stands() -> None:
+def test_robot_without_command_stands() -> None:
     robot = Robot(open_ground())
     assert robot.step(STEP).pose == Pose2D(0.0, 0.0)
 
 
-def test_a_command_is_forgotten_after_its_timeout() -> None:
+def test_command_expires_after_timeout() -> None:
     robot = Robot(open_ground(), command_timeout=0.5)
     robot.command(Twist2D(0.5, 0.0))
     states = [robot.step(STEP) for _ in range(40)]
@@ -82,7 +82,7 @@ def test_a_command_is_forgotten_after_its_timeout() -> None:
     assert states[-1].velocity.v == 0.0
 
 
-def test_a_wall_stops_the_robot_and_lets_it_turn_and_leave() -> None:
+def test_wall_stops_robot_and_lets_it_turn_and_leave() -> None:
     world = World("wall", Pose2D(0.0, 0.0), 0.22, boxes=(Box(1.0, 0.0, 0.1, 4.0),))
     robot = Robot(world)
     state = drive(robot, [(Twist2D(0.6, 0.0), 80)])[-1]
@@ -95,7 +95,7 @@ def test_a_wall_stops_the_robot_and_lets_it_turn_and_leave() -> None:
     assert not state.touching
 
 
-def test_a_circle_is_driven_with_the_radius_asked_for() -> None:
+def test_circle_has_commanded_radius() -> None:
     robot = Robot(open_ground())
     drive(robot, [(Twist2D(0.5, 1.0), 30)])
     here = robot.state.pose

@@ -1,4 +1,4 @@
-"""Service servers that misbehave, over real DDS."""
+"""Tests of service servers with faults, over real DDS."""
 
 from collections.abc import Callable
 from typing import Any
@@ -39,27 +39,27 @@ def serve(client: Client) -> Callable[..., Any]:
     return start
 
 
-def test_a_server_without_faults_answers(serve: Callable[..., Any], client: Client) -> None:
+def test_server_without_faults_responds(serve: Callable[..., Any], client: Client) -> None:
     assert client.result(serve()(), "an answer").acknowledged
 
 
-def test_dropped_calls_get_no_answer_and_the_next_does(serve: Callable[..., Any], client: Client) -> None:
+def test_only_dropped_calls_get_no_response(serve: Callable[..., Any], client: Client) -> None:
     call = serve("report_survivor:drop=2")
     dropped = [call(), call()]
     assert client.result(call(), "the third answer").acknowledged
     assert client.result(call(), "the fourth answer").acknowledged
     assert not any(future.done() for future in dropped)
-    # Nothing stays behind in the executor for the calls that got lost.
+    # The dropped calls leave no task in the executor.
     client.wait(lambda: all(task.done() for task, _, _ in client.executor._tasks), "the end of all tasks")
 
 
-def test_a_refused_call_is_answered_with_no(serve: Callable[..., Any], client: Client) -> None:
+def test_refused_call_gets_negative_response(serve: Callable[..., Any], client: Client) -> None:
     call = serve("report_survivor:refuse=1")
     assert not client.result(call(), "the first answer").acknowledged
     assert client.result(call(), "the second answer").acknowledged
 
 
-def test_a_delayed_answer_comes_late_and_holds_up_nothing(serve: Callable[..., Any], client: Client) -> None:
+def test_delayed_response_does_not_block_executor(serve: Callable[..., Any], client: Client) -> None:
     call = serve("report_survivor:delay=0.4")
     began = client.node.get_clock().now()
     first = call()

@@ -1,4 +1,4 @@
-"""Several robots of one simulation on ROS: each in its namespace, none in another's; over real DDS."""
+"""Tests of several robots of one simulation on ROS, each in its own namespace, over real DDS."""
 
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -44,7 +44,7 @@ def navigations(
     other.close()
 
 
-def test_everything_of_a_robot_is_in_its_namespace_with_its_transforms(
+def test_topics_and_nodes_of_robot_are_in_its_namespace(
     simulate: Simulate, clients: tuple[Client, Client]
 ) -> None:
     simulate(robots=PAIR)
@@ -79,7 +79,7 @@ def test_everything_of_a_robot_is_in_its_namespace_with_its_transforms(
     assert ("simulator", "/") in nodes
 
 
-def test_there_is_one_clock_for_all(simulate: Simulate, clients: tuple[Client, Client]) -> None:
+def test_all_robots_share_one_clock(simulate: Simulate, clients: tuple[Client, Client]) -> None:
     from rosgraph_msgs.msg import Clock
 
     simulate(robots=PAIR)
@@ -88,7 +88,7 @@ def test_there_is_one_clock_for_all(simulate: Simulate, clients: tuple[Client, C
     assert clients[0].node.count_publishers("/clock") == 1
 
 
-def test_each_transform_tree_has_its_own_robot_only(
+def test_each_transform_tree_contains_only_its_robot(
     simulate: Simulate, clients: tuple[Client, Client]
 ) -> None:
     from tf2_msgs.msg import TFMessage
@@ -105,9 +105,7 @@ def test_each_transform_tree_has_its_own_robot_only(
     assert frames(heard[1]) == {"base_link"}, "robot2, not localised yet, has robot1's transform"
 
 
-def test_each_localiser_tells_its_own_robot_s_pose(
-    simulate: Simulate, clients: tuple[Client, Client]
-) -> None:
+def test_each_localiser_reports_pose_of_its_robot(simulate: Simulate, clients: tuple[Client, Client]) -> None:
     simulate(robots=PAIR)
     for client, robot in zip(clients, PAIR, strict=True):
         assert robot.start is not None
@@ -115,7 +113,7 @@ def test_each_localiser_tells_its_own_robot_s_pose(
         assert answer.pose.pose.position.x == pytest.approx(robot.start.x)
 
 
-def test_two_robots_drive_at_the_same_time_to_goals_of_their_own(
+def test_two_robots_drive_to_own_goals_at_same_time(
     navigations: tuple["Simulation", Navigation, Navigation],
 ) -> None:
     simulation, one, other = navigations
@@ -126,7 +124,7 @@ def test_two_robots_drive_at_the_same_time_to_goals_of_their_own(
     assert simulation.robot_pose("robot2").distance_to(Pose2D(1.0, -0.9)) < 0.1
 
 
-def test_the_cancel_of_one_robot_s_goal_does_not_stop_the_other(
+def test_cancel_of_one_goal_does_not_stop_other_robot(
     navigations: tuple["Simulation", Navigation, Navigation],
     clients: tuple[Client, Client],
 ) -> None:
@@ -139,7 +137,7 @@ def test_the_cancel_of_one_robot_s_goal_does_not_stop_the_other(
     assert simulation.robot_pose("robot2").distance_to(Pose2D(3.5, 3.0)) < 0.1
 
 
-def test_two_robots_in_each_other_s_way_both_get_their_goals_aborted(
+def test_goals_of_robots_that_block_each_other_are_aborted(
     navigations: tuple["Simulation", Navigation, Navigation],
 ) -> None:
     simulation, one, other = navigations
@@ -152,7 +150,7 @@ def test_two_robots_in_each_other_s_way_both_get_their_goals_aborted(
     assert apart == pytest.approx(0.44, abs=1e-3)
 
 
-def test_a_scan_shows_the_other_robot(simulate: Simulate, clients: tuple[Client, Client]) -> None:
+def test_scan_shows_other_robot(simulate: Simulate, clients: tuple[Client, Client]) -> None:
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import LaserScan
 
@@ -162,7 +160,7 @@ def test_a_scan_shows_the_other_robot(simulate: Simulate, clients: tuple[Client,
     assert scans[-1].ranges[0] == pytest.approx(1.4 - 0.22, abs=0.06), "robot1 stands behind robot2"
 
 
-def test_a_fault_happens_to_every_robot_and_each_has_its_own_count(
+def test_fault_applies_to_every_robot_with_separate_counts(
     simulate: Simulate, clients: tuple[Client, Client]
 ) -> None:
     simulate(robots=PAIR, faults=FaultPlan([parse_fault("navigate_to_pose:reject=1", NAVIGATION_FAULTS)]))
@@ -174,7 +172,7 @@ def test_a_fault_happens_to_every_robot_and_each_has_its_own_count(
         navigation.close()
 
 
-def test_the_end_of_the_simulation_aborts_the_goals_of_all_robots(
+def test_end_of_simulation_aborts_goals_of_all_robots(
     navigations: tuple["Simulation", Navigation, Navigation],
     clients: tuple[Client, Client],
 ) -> None:
@@ -187,7 +185,7 @@ def test_the_end_of_the_simulation_aborts_the_goals_of_all_robots(
         assert client.result(result, "the result").status == ABORTED
 
 
-def test_robots_that_would_touch_are_refused_before_anything_is_made(
+def test_robots_in_contact_are_rejected_before_nodes_are_created(
     disaster_zone: World, ros_context: Any, client: Client
 ) -> None:
     from sar_compiler.sim.simulation import Simulation
@@ -197,7 +195,7 @@ def test_robots_that_would_touch_are_refused_before_anything_is_made(
     assert "simulator" not in client.node.get_node_names()
 
 
-def test_a_server_of_one_of_the_robots_is_company(ros_context: Any, clients: tuple[Client, Client]) -> None:
+def test_existing_server_of_one_robot_is_a_conflict(ros_context: Any, clients: tuple[Client, Client]) -> None:
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionServer
 
@@ -216,7 +214,7 @@ def test_a_server_of_one_of_the_robots_is_company(ros_context: Any, clients: tup
         server.destroy()
 
 
-def test_a_simulation_ends_when_somebody_else_serves_one_of_its_robots(
+def test_simulation_ends_when_other_node_serves_action_of_its_robot(
     ros_context: Any, clients: tuple[Client, Client], disaster_zone: World
 ) -> None:
     from nav2_msgs.action import NavigateToPose

@@ -1,4 +1,4 @@
-"""The simulator on ROS: topics, localiser, navigation server, faults; over real DDS."""
+"""Tests of the simulator on ROS: topics, localiser, navigation server, faults; over real DDS."""
 
 import itertools
 import math
@@ -32,7 +32,7 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec + stamp.nanosec / 1e9)
 
 
-def test_the_clock_goes_on_in_equal_steps_none_left_out(simulate: Simulate, client: Client) -> None:
+def test_clock_advances_in_equal_steps(simulate: Simulate, client: Client) -> None:
     from rosgraph_msgs.msg import Clock
 
     simulate(speed=10.0)
@@ -42,7 +42,7 @@ def test_the_clock_goes_on_in_equal_steps_none_left_out(simulate: Simulate, clie
     assert all(after - before == pytest.approx(0.05) for before, after in itertools.pairwise(times))
 
 
-def test_whoever_asks_more_of_a_topic_than_it_gives_is_warned_of(
+def test_incompatible_subscription_is_warned_of(
     simulate: Simulate, client: Client, capfd: pytest.CaptureFixture[str]
 ) -> None:
     from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -59,14 +59,16 @@ def test_whoever_asks_more_of_a_topic_than_it_gives_is_warned_of(
     client.wait(warned, "the simulator's warning")
 
 
-def test_the_speed_is_an_upper_bound(simulate: Simulate, client: Client) -> None:
+def test_speed_is_upper_bound(simulate: Simulate, client: Client) -> None:
     simulation = simulate(speed=5.0)
     began, start = time.monotonic(), simulation.sim_time
     client.wait(lambda: simulation.sim_time > start + 3.0, "3 simulated seconds")
     assert 3.0 / (time.monotonic() - began) < 5.5
 
 
-def test_a_listener_that_does_not_follow_holds_it_to_real_time(disaster_zone: World, client: Client) -> None:
+def test_unresponsive_clock_listener_limits_simulation_to_real_time(
+    disaster_zone: World, client: Client
+) -> None:
     from rclpy.node import Node
     from rclpy.parameter import Parameter
 
@@ -84,21 +86,21 @@ def test_a_listener_that_does_not_follow_holds_it_to_real_time(disaster_zone: Wo
     deaf.destroy_node()
 
 
-def test_a_speed_of_nothing_is_refused(disaster_zone: World, ros_context: Any) -> None:
+def test_zero_speed_is_rejected(disaster_zone: World, ros_context: Any) -> None:
     from sar_compiler.sim.simulation import Simulation, SimulationError
 
     with pytest.raises(SimulationError, match="above 0"):
         Simulation(disaster_zone, speed=0.0, context=ros_context)
 
 
-def test_a_fault_at_a_zone_that_is_not_there_is_refused(disaster_zone: World, ros_context: Any) -> None:
+def test_fault_at_unknown_zone_is_rejected(disaster_zone: World, ros_context: Any) -> None:
     from sar_compiler.sim.simulation import Simulation
 
     with pytest.raises(FaultError, match="zone_x"):
         Simulation(disaster_zone, faults=plan("navigate_to_pose:abort=zone_x"), context=ros_context)
 
 
-def test_stopping_twice_or_before_the_start_does_nothing(disaster_zone: World, ros_context: Any) -> None:
+def test_stop_twice_or_before_start_does_nothing(disaster_zone: World, ros_context: Any) -> None:
     from sar_compiler.sim.simulation import Simulation
 
     simulation = Simulation(disaster_zone, context=ros_context)
@@ -107,14 +109,14 @@ def test_stopping_twice_or_before_the_start_does_nothing(disaster_zone: World, r
     assert simulation.sim_time == 0.0
 
 
-def test_stopping_at_a_slow_speed_takes_less_than_a_second(simulate: Simulate) -> None:
+def test_stop_at_slow_speed_takes_less_than_one_second(simulate: Simulate) -> None:
     simulation = simulate(speed=0.001)
     watch = Stopwatch()
     simulation.stop()
     assert watch.own_sec < 1.0
 
 
-def test_a_world_without_a_map_has_the_robots_topics_only(simulate: Simulate, client: Client) -> None:
+def test_world_without_map_has_only_robot_topics(simulate: Simulate, client: Client) -> None:
     from nav_msgs.msg import Odometry
 
     simulate(find_world("empty"))
@@ -123,7 +125,7 @@ def test_a_world_without_a_map_has_the_robots_topics_only(simulate: Simulate, cl
     assert "bt_navigator" not in client.node.get_node_names()
 
 
-def test_a_velocity_command_moves_the_robot_until_it_times_out(simulate: Simulate, client: Client) -> None:
+def test_velocity_command_moves_robot_until_timeout(simulate: Simulate, client: Client) -> None:
     from geometry_msgs.msg import TwistStamped
     from nav_msgs.msg import Odometry
 
@@ -145,7 +147,7 @@ def test_a_velocity_command_moves_the_robot_until_it_times_out(simulate: Simulat
     assert odometry[-1].pose.pose.position.x == pytest.approx(simulation.robot_pose().x, abs=0.05)
 
 
-def test_a_scan_shows_the_walls(simulate: Simulate, client: Client) -> None:
+def test_scan_shows_walls(simulate: Simulate, client: Client) -> None:
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import LaserScan
 
@@ -159,9 +161,7 @@ def test_a_scan_shows_the_walls(simulate: Simulate, client: Client) -> None:
     assert seconds(scans[1].header.stamp) - seconds(scans[0].header.stamp) == pytest.approx(0.2)
 
 
-def test_the_localiser_answers_an_initial_pose_and_only_then_there_is_a_map_frame(
-    simulate: Simulate, client: Client
-) -> None:
+def test_map_frame_exists_only_after_initial_pose(simulate: Simulate, client: Client) -> None:
     from tf2_msgs.msg import TFMessage
 
     simulation = simulate()
@@ -182,7 +182,7 @@ def test_the_localiser_answers_an_initial_pose_and_only_then_there_is_a_map_fram
     client.wait(lambda: client.state_of("bt_navigator") == "active", "bt_navigator's becoming active")
 
 
-def test_the_last_pose_is_there_for_those_who_come_late(simulate: Simulate, client: Client) -> None:
+def test_last_pose_is_latched(simulate: Simulate, client: Client) -> None:
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -196,7 +196,7 @@ def test_the_last_pose_is_there_for_those_who_come_late(simulate: Simulate, clie
     client.wait(lambda: bool(late), "the latched amcl_pose")
 
 
-def test_the_map_and_the_plan_are_published_as_by_nav2(simulate: Simulate, client: Client) -> None:
+def test_map_and_plan_are_published_like_nav2(simulate: Simulate, client: Client) -> None:
     from nav_msgs.msg import OccupancyGrid, Path
     from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -221,7 +221,7 @@ def test_the_map_and_the_plan_are_published_as_by_nav2(simulate: Simulate, clien
     ("pose", "frame"),
     [(Pose2D(100.0, 0.0), "map"), (Pose2D(math.nan, 0.0), "map"), (Pose2D(0.0, 0.0), "odom")],
 )
-def test_an_initial_pose_that_cannot_be_is_ignored(
+def test_invalid_initial_pose_is_ignored(
     simulate: Simulate, client: Client, pose: Pose2D, frame: str
 ) -> None:
     simulate()
@@ -229,9 +229,7 @@ def test_an_initial_pose_that_cannot_be_is_ignored(
         client.set_initial_pose(pose, frame, timeout_sec=1.0)
 
 
-def test_a_localisation_that_is_told_a_wrong_pose_believes_it_and_the_robot_drives_beside_its_goal(
-    simulate: Simulate, client: Client
-) -> None:
+def test_wrong_initial_pose_leads_robot_beside_goal(simulate: Simulate, client: Client) -> None:
     simulation = simulate()
     answer = client.set_initial_pose(Pose2D(0.5, 0.3))
     assert (answer.pose.pose.position.x, answer.pose.pose.position.y) == pytest.approx((0.5, 0.3))
@@ -244,7 +242,7 @@ def test_a_localisation_that_is_told_a_wrong_pose_believes_it_and_the_robot_driv
     navigation.close()
 
 
-def test_a_robot_that_goes_on_where_it_stood_needs_no_pose(simulate: Simulate, client: Client) -> None:
+def test_localised_robot_needs_no_initial_pose(simulate: Simulate, client: Client) -> None:
     stood = Pose2D(-0.5, 0.8, 1.0)
     simulation = simulate(robots=[Placement("", stood, Pose2D(3.0, 2.0), localised=True)])
     client.wait(lambda: client.state_of("bt_navigator") == "active", "bt_navigator's becoming active")
@@ -254,7 +252,7 @@ def test_a_robot_that_goes_on_where_it_stood_needs_no_pose(simulate: Simulate, c
     navigation.close()
 
 
-def test_the_commands_of_a_drive_are_on_cmd_vel_and_end_with_zero(simulate: Simulate, client: Client) -> None:
+def test_drive_publishes_cmd_vel_that_ends_with_zero(simulate: Simulate, client: Client) -> None:
     from geometry_msgs.msg import TwistStamped
 
     simulation = simulate(speed=5.0)
@@ -271,7 +269,7 @@ def test_the_commands_of_a_drive_are_on_cmd_vel_and_end_with_zero(simulate: Simu
     navigation.close()
 
 
-def test_a_goal_is_driven_with_feedback_at_ten_hertz(simulate: Simulate, client: Client) -> None:
+def test_drive_reports_feedback_at_ten_hertz(simulate: Simulate, client: Client) -> None:
     simulation = simulate()
     client.make_ready()
     navigation = Navigation(client)
@@ -292,14 +290,14 @@ def test_a_goal_is_driven_with_feedback_at_ten_hertz(simulate: Simulate, client:
     navigation.close()
 
 
-def test_an_inactive_navigator_rejects_goals(simulate: Simulate, client: Client) -> None:
+def test_inactive_navigator_rejects_goals(simulate: Simulate, client: Client) -> None:
     simulate()
     navigation = Navigation(client)
     assert not navigation.send(1.0, 0.0).accepted
     navigation.close()
 
 
-def test_a_cancelled_goal_ends_canceled_with_the_robot_standing(simulate: Simulate, client: Client) -> None:
+def test_cancelled_goal_ends_canceled_and_robot_stands(simulate: Simulate, client: Client) -> None:
     simulation = simulate()
     client.make_ready()
     navigation = Navigation(client)
@@ -315,7 +313,7 @@ def test_a_cancelled_goal_ends_canceled_with_the_robot_standing(simulate: Simula
     navigation.close()
 
 
-def test_a_second_goal_pre_empts_the_first(simulate: Simulate, client: Client) -> None:
+def test_second_goal_preempts_first(simulate: Simulate, client: Client) -> None:
     simulation = simulate()
     client.make_ready()
     navigation = Navigation(client)
@@ -328,15 +326,13 @@ def test_a_second_goal_pre_empts_the_first(simulate: Simulate, client: Client) -
     navigation.close()
 
 
-def test_a_goal_that_is_pre_empted_while_it_is_cancelled_ends_canceled(
-    simulate: Simulate, client: Client
-) -> None:
+def test_goal_preempted_during_cancel_ends_canceled(simulate: Simulate, client: Client) -> None:
     simulation = simulate()
     client.make_ready()
     navigation = Navigation(client)
     first = navigation.send(-3.0, 3.0)
     client.wait(lambda: simulation.robot_pose().distance_to(Pose2D(0.0, 0.0)) > 0.3, "movement")
-    # The two requests go to different services: which of them the server hears first is not known otherwise.
+    # The two requests go to different services. Without this wait, their order of arrival is unknown.
     canceling = first.cancel_goal_async()
     client.wait(canceling.done, "the answer to the cancel")
     second = navigation.send(0.5, 0.0)
@@ -345,11 +341,11 @@ def test_a_goal_that_is_pre_empted_while_it_is_cancelled_ends_canceled(
     navigation.close()
 
 
-# Places on the way from home to zone_a.
+# Positions on the path from home to zone_a.
 ON_THE_WAY = ((-0.8, 1.0), (-1.9, 1.9), (-3.0, 3.0))
 
 
-def test_poses_are_driven_through_without_a_stop_and_counted_down(simulate: Simulate, client: Client) -> None:
+def test_poses_are_driven_through_without_stop_and_counted_down(simulate: Simulate, client: Client) -> None:
     simulation = simulate()
     client.make_ready()
     navigation = Navigation(client)
@@ -359,7 +355,7 @@ def test_poses_are_driven_through_without_a_stop_and_counted_down(simulate: Simu
     assert simulation.robot_pose().distance_to(Pose2D(*ON_THE_WAY[-1])) < 0.1
     left = [each.number_of_poses_remaining for each in navigation.feedback]
     assert [number for number, _ in itertools.groupby(left)] == [3, 2, 1]
-    # What is left is the whole way, and not that to the next pose.
+    # The remaining distance is that of the whole path, not that to the next pose.
     distances = [each.distance_remaining for each in navigation.feedback]
     assert distances[0] > 4.0
     assert all(later <= earlier + 0.2 for earlier, later in itertools.pairwise(distances))
@@ -375,14 +371,14 @@ def type_of_odometry() -> Any:
     return Odometry
 
 
-def test_poses_of_which_one_cannot_be_reached_are_aborted_with_the_code_of_nav2(
+def test_goal_through_unreachable_pose_is_aborted_with_nav2_code(
     navigation: Navigation,
 ) -> None:
     ended = navigation.result(navigation.send_through(ON_THE_WAY[0], (3.0, -3.0)))
     assert (ended.status, ended.result.error_code) == (ABORTED, 306)
 
 
-def test_a_drive_through_poses_is_cancelled_on_the_way(navigation: Navigation, client: Client) -> None:
+def test_drive_through_poses_can_be_cancelled(navigation: Navigation, client: Client) -> None:
     handle = navigation.send_through(*ON_THE_WAY)
     client.wait(
         lambda: any(each.number_of_poses_remaining == 2 for each in navigation.feedback), "the second pose"
@@ -391,25 +387,25 @@ def test_a_drive_through_poses_is_cancelled_on_the_way(navigation: Navigation, c
     assert navigation.result(handle).status == CANCELED
 
 
-def test_a_goal_of_one_action_is_aborted_while_one_of_the_other_is_driven_to(navigation: Navigation) -> None:
+def test_goal_is_aborted_while_goal_of_other_action_is_active(navigation: Navigation) -> None:
     first = navigation.send_through(*ON_THE_WAY)
     ended = navigation.result(navigation.send(0.5, 0.0))
     assert (ended.status, ended.result.error_code) == (ABORTED, 0)
     assert navigation.result(first).status == SUCCEEDED
 
 
-def test_a_goal_through_no_pose_is_aborted(navigation: Navigation) -> None:
+def test_goal_without_poses_is_aborted(navigation: Navigation) -> None:
     ended = navigation.result(navigation.send_through())
     assert (ended.status, ended.result.error_code) == (ABORTED, 309)
 
 
-def test_a_goal_with_a_tree_that_is_not_there_is_aborted(navigation: Navigation) -> None:
+def test_goal_with_missing_tree_is_aborted(navigation: Navigation) -> None:
     ended = navigation.result(navigation.send(0.5, 0.0, tree="/no/such/tree.xml"))
     assert (ended.status, ended.result.error_code) == (ABORTED, 0)
     assert "/no/such/tree.xml" in ended.result.error_msg
 
 
-def test_a_second_goal_with_another_tree_is_ended_itself(navigation: Navigation) -> None:
+def test_second_goal_with_other_tree_is_aborted(navigation: Navigation) -> None:
     first = navigation.send(0.5, 0.0)
     second = navigation.send(1.0, 0.0, tree="other.xml")
     ended = navigation.result(second)
@@ -427,7 +423,7 @@ def test_a_second_goal_with_another_tree_is_ended_itself(navigation: Navigation)
         (math.nan, 0.0, "map", 0),
     ],
 )
-def test_a_goal_that_cannot_be_is_accepted_and_aborted_with_the_code_of_nav2(
+def test_invalid_goal_is_accepted_and_aborted_with_nav2_code(
     navigation: Navigation, x: float, y: float, frame: str, code: int
 ) -> None:
     handle = navigation.send(x, y, frame=frame)
@@ -437,9 +433,7 @@ def test_a_goal_that_cannot_be_is_accepted_and_aborted_with_the_code_of_nav2(
     assert result.result.error_msg
 
 
-def test_the_server_survives_a_client_that_goes_away(
-    simulate: Simulate, client: Client, ros_context: Any
-) -> None:
+def test_server_survives_client_that_leaves(simulate: Simulate, client: Client, ros_context: Any) -> None:
     simulate()
     client.make_ready()
     stranger = Client(ros_context)
@@ -457,7 +451,7 @@ def test_many_goals_in_a_row_are_served(navigation: Navigation) -> None:
         assert navigation.result(navigation.send(60.0, 0.0)).status == ABORTED
 
 
-def test_the_end_of_the_simulation_aborts_the_goal_under_way(simulate: Simulate, client: Client) -> None:
+def test_end_of_simulation_aborts_active_goal(simulate: Simulate, client: Client) -> None:
     simulation = simulate()
     client.make_ready()
     navigation = Navigation(client)
@@ -469,7 +463,7 @@ def test_the_end_of_the_simulation_aborts_the_goal_under_way(simulate: Simulate,
     navigation.close()
 
 
-def test_a_namespace_moves_everything_but_the_clock_and_tf(simulate: Simulate, ros_context: Any) -> None:
+def test_namespace_applies_to_everything_except_clock_and_tf(simulate: Simulate, ros_context: Any) -> None:
     simulate(namespace="/robot1")
     client = Client(ros_context, namespace="/robot1")
     try:
@@ -485,7 +479,7 @@ def test_a_namespace_moves_everything_but_the_clock_and_tf(simulate: Simulate, r
         client.close()
 
 
-def test_goals_are_rejected_on_request(simulate: Simulate, client: Client) -> None:
+def test_reject_fault_rejects_first_goal(simulate: Simulate, client: Client) -> None:
     simulate(faults=plan("navigate_to_pose:reject=1"))
     client.make_ready()
     navigation = Navigation(client)
@@ -494,7 +488,7 @@ def test_goals_are_rejected_on_request(simulate: Simulate, client: Client) -> No
     navigation.close()
 
 
-def test_goals_for_a_zone_are_aborted_on_request(simulate: Simulate, client: Client) -> None:
+def test_abort_fault_aborts_goals_for_zone(simulate: Simulate, client: Client) -> None:
     simulate(faults=plan("navigate_to_pose:abort=zone_b"))
     client.make_ready()
     navigation = Navigation(client)
@@ -504,7 +498,7 @@ def test_goals_for_a_zone_are_aborted_on_request(simulate: Simulate, client: Cli
     navigation.close()
 
 
-def test_a_goal_is_driven_until_its_code_comes_on_request(simulate: Simulate, client: Client) -> None:
+def test_code_fault_aborts_goal_after_given_time(simulate: Simulate, client: Client) -> None:
     simulation = simulate(faults=plan("navigate_to_pose:code=107@zone_b,after=4s"))
     client.make_ready()
     navigation = Navigation(client)
@@ -516,7 +510,7 @@ def test_a_goal_is_driven_until_its_code_comes_on_request(simulate: Simulate, cl
 
 
 class Spy:
-    """What the odometry says of a robot's movement."""
+    """A robot's movement according to its odometry."""
 
     def __init__(self, client: Client) -> None:
         from nav_msgs.msg import Odometry
@@ -533,7 +527,7 @@ class Spy:
         return seconds(moving[-1].header.stamp) - ended
 
 
-def test_a_robot_drives_on_after_an_abort_on_request(simulate: Simulate, client: Client) -> None:
+def test_late_fault_lets_robot_drive_after_abort(simulate: Simulate, client: Client) -> None:
     simulation = simulate(speed=5.0, faults=plan("navigate_to_pose:late=50ms@zone_b,drives=3s"))
     client.make_ready()
     spy, navigation = Spy(client), Navigation(client)
@@ -557,7 +551,7 @@ def test_a_robot_drives_on_after_an_abort_on_request(simulate: Simulate, client:
         ("starved", "tf_help", "Transform data too old when converting from map to odom"),
     ],
 )
-def test_a_busy_computer_ends_every_goal_without_a_code_and_logs_the_reason_as_nav2_does(
+def test_late_or_starved_fault_aborts_every_goal_without_code_and_logs_reason(
     simulate: Simulate, client: Client, fault: str, logger: str, text: str
 ) -> None:
     from rcl_interfaces.msg import Log
@@ -573,9 +567,7 @@ def test_a_busy_computer_ends_every_goal_without_a_code_and_logs_the_reason_as_n
     navigation.close()
 
 
-def test_a_server_that_is_late_within_nav2s_time_out_harms_nothing(
-    simulate: Simulate, client: Client
-) -> None:
+def test_delay_within_timeout_of_nav2_is_harmless(simulate: Simulate, client: Client) -> None:
     simulate(faults=plan("navigate_to_pose:late=20ms"))
     client.make_ready()
     navigation = Navigation(client)
@@ -583,9 +575,7 @@ def test_a_server_that_is_late_within_nav2s_time_out_harms_nothing(
     navigation.close()
 
 
-def test_what_drives_without_a_goal_is_stopped_by_a_cancel_of_the_path_it_follows(
-    simulate: Simulate, client: Client
-) -> None:
+def test_cancel_of_follow_path_stops_robot_without_goal(simulate: Simulate, client: Client) -> None:
     from action_msgs.srv import CancelGoal
 
     simulation = simulate(speed=2.0, faults=plan("navigate_to_pose:late=50ms@zone_b,drives=60s"))
@@ -598,7 +588,7 @@ def test_what_drives_without_a_goal_is_stopped_by_a_cancel_of_the_path_it_follow
     navigation.close()
 
 
-def test_goals_are_acknowledged_late_on_request(simulate: Simulate, client: Client) -> None:
+def test_delay_fault_delays_acknowledgement_of_goals(simulate: Simulate, client: Client) -> None:
     simulation = simulate(faults=plan("navigate_to_pose:delay=5s"))
     client.make_ready()
     navigation = Navigation(client)
@@ -609,9 +599,7 @@ def test_goals_are_acknowledged_late_on_request(simulate: Simulate, client: Clie
     navigation.close()
 
 
-def test_a_localisation_that_dies_ends_the_drive_and_is_back_without_a_pose(
-    simulate: Simulate, client: Client
-) -> None:
+def test_localisation_crash_ends_drive_and_restart_needs_pose(simulate: Simulate, client: Client) -> None:
     simulation = simulate(faults=plan("amcl:die@zone_b,back=5"))
     client.make_ready()
     spy, navigation = Spy(client), Navigation(client)
@@ -629,7 +617,7 @@ def test_a_localisation_that_dies_ends_the_drive_and_is_back_without_a_pose(
 
 @pytest.fixture
 def like_nav2(simulate: Simulate, client: Client) -> Iterator[tuple["Simulation", Navigation]]:
-    """A simulation whose stand-in drives as Nav2 does."""
+    """A simulation whose stand-in drives like Nav2."""
     simulation = simulate(robots=[Placement("", like="nav2")])
     client.make_ready()
     navigation = Navigation(client)
@@ -637,7 +625,7 @@ def like_nav2(simulate: Simulate, client: Client) -> Iterator[tuple["Simulation"
     navigation.close()
 
 
-def test_like_nav2_a_goal_in_an_obstacle_is_208_after_recoveries_that_move_the_robot(
+def test_nav2_mode_aborts_goal_in_obstacle_with_208_after_recoveries(
     like_nav2: tuple["Simulation", Navigation],
 ) -> None:
     simulation, navigation = like_nav2
@@ -647,7 +635,7 @@ def test_like_nav2_a_goal_in_an_obstacle_is_208_after_recoveries_that_move_the_r
     assert simulation.robot_pose().distance_to(Pose2D(0.0, 0.0)) == pytest.approx(0.3, abs=0.1)
 
 
-def test_like_nav2_it_is_told_no_distance_at_first_and_ends_within_the_tolerance(
+def test_nav2_mode_reports_no_distance_at_first_and_ends_within_tolerance(
     like_nav2: tuple["Simulation", Navigation],
 ) -> None:
     simulation, navigation = like_nav2
@@ -657,7 +645,7 @@ def test_like_nav2_it_is_told_no_distance_at_first_and_ends_within_the_tolerance
     assert 0.1 < simulation.robot_pose().distance_to(Pose2D(-1.0, 1.5)) < 0.3
 
 
-def test_like_nav2_poses_that_were_passed_are_left_out_every_three_seconds(
+def test_nav2_mode_removes_passed_poses_every_three_seconds(
     like_nav2: tuple["Simulation", Navigation],
 ) -> None:
     _, navigation = like_nav2
@@ -669,14 +657,14 @@ def test_like_nav2_poses_that_were_passed_are_left_out_every_three_seconds(
         assert (began.sec + began.nanosec / 1e9) % 3.0 < 0.2
 
 
-def test_like_nav2_a_goal_beside_free_ground_is_driven_to_as_near_as_can_be(
+def test_nav2_mode_accepts_goal_beside_free_ground(
     like_nav2: tuple["Simulation", Navigation],
 ) -> None:
     _, navigation = like_nav2
     assert navigation.result(navigation.send(0.15, 1.45)).status == SUCCEEDED
 
 
-def test_like_nav2_a_goal_is_canceled_during_a_recovery(
+def test_nav2_mode_cancels_goal_during_recovery(
     like_nav2: tuple["Simulation", Navigation], client: Client
 ) -> None:
     simulation, navigation = like_nav2
@@ -687,7 +675,7 @@ def test_like_nav2_a_goal_is_canceled_during_a_recovery(
     assert navigation.result(handle).status == CANCELED
 
 
-def test_a_server_that_dies_says_nothing_stands_and_stays_away(simulate: Simulate, client: Client) -> None:
+def test_crashed_server_sends_no_result_and_does_not_return(simulate: Simulate, client: Client) -> None:
     simulation = simulate(faults=plan("navigate_to_pose:die@zone_c"))
     client.make_ready()
     navigation = Navigation(client)
@@ -701,7 +689,7 @@ def test_a_server_that_dies_says_nothing_stands_and_stays_away(simulate: Simulat
     navigation.close()
 
 
-def test_a_server_that_comes_back_serves_the_zone(simulate: Simulate, client: Client) -> None:
+def test_restarted_server_serves_zone(simulate: Simulate, client: Client) -> None:
     simulation = simulate(faults=plan("navigate_to_pose:die@zone_c,back=5"))
     client.make_ready()
     navigation = Navigation(client)

@@ -1,4 +1,4 @@
-"""A simulation in the thread of the executor that serves its mission: no time passes while anybody has something to do."""
+"""Tests of a simulation in the executor's thread: no simulated time passes while a node has work to do."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -37,14 +37,14 @@ def start(ros_context: Any, disaster_zone: World) -> Iterator[Start]:
     executor.shutdown()
 
 
-def test_each_turn_is_a_step_and_none_is_made_without(start: Start) -> None:
+def test_each_spin_makes_one_step(start: Start) -> None:
     simulation, executor = start()
     for count in range(4):
         assert simulation.sim_time == pytest.approx(count * STEP_SEC)
         executor.spin_once()
 
 
-def test_an_answer_comes_one_step_after_its_question(start: Start, ros_context: Any) -> None:
+def test_response_arrives_one_step_after_request(start: Start, ros_context: Any) -> None:
     from rclpy.node import Node
     from rosgraph_msgs.msg import Clock
     from std_srvs.srv import Trigger
@@ -69,7 +69,7 @@ def test_an_answer_comes_one_step_after_its_question(start: Start, ros_context: 
     node.destroy_node()
 
 
-def test_a_node_that_needs_a_wait_set_is_served_beside_the_world(start: Start, ros_context: Any) -> None:
+def test_node_with_guard_condition_is_served_with_simulation(start: Start, ros_context: Any) -> None:
     from rclpy.node import Node
 
     from sar_compiler.ros.executors import suitable_executor
@@ -87,7 +87,7 @@ def test_a_node_that_needs_a_wait_set_is_served_beside_the_world(start: Start, r
     node.destroy_node()
 
 
-def test_it_is_no_faster_than_asked_for(start: Start) -> None:
+def test_stepping_is_not_faster_than_given_speed(start: Start) -> None:
     _, executor = start(speed=2.0)
     began = time.monotonic()
     for _ in range(5):
@@ -95,7 +95,7 @@ def test_it_is_no_faster_than_asked_for(start: Start) -> None:
     assert time.monotonic() - began >= 4 * STEP_SEC / 2.0
 
 
-def test_what_goes_wrong_in_a_step_is_its_end(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failing_step_ends_simulation(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     from sar_compiler.sim.simulation import SimulatedRobot
 
     simulation, executor = start()
@@ -114,7 +114,7 @@ def test_what_goes_wrong_in_a_step_is_its_end(start: Start, monkeypatch: pytest.
     assert simulation.sim_time == before
 
 
-def test_whoever_has_a_goal_hears_of_its_end_when_it_is_stopped(start: Start, ros_context: Any) -> None:
+def test_client_receives_end_of_goal_on_stop(start: Start, ros_context: Any) -> None:
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionClient
     from rclpy.node import Node
@@ -140,7 +140,7 @@ def test_whoever_has_a_goal_hears_of_its_end_when_it_is_stopped(start: Start, ro
     node.destroy_node()
 
 
-def test_it_makes_no_step_once_it_is_stopped(start: Start) -> None:
+def test_stopped_simulation_makes_no_step(start: Start) -> None:
     simulation, executor = start()
     executor.spin_once()
     simulation.stop()

@@ -1,4 +1,4 @@
-"""The world, its file, and the motion test."""
+"""Tests of the world, its file, and the collision test."""
 
 import math
 from pathlib import Path
@@ -20,36 +20,36 @@ angles = st.floats(-math.pi, math.pi)
 @given(
     st.builds(Pose2D, coordinates, coordinates, angles), st.builds(Pose2D, coordinates, coordinates, angles)
 )
-def test_a_pose_seen_from_another_and_put_back_is_itself(here: Pose2D, there: Pose2D) -> None:
+def test_relative_pose_composes_back_to_pose(here: Pose2D, there: Pose2D) -> None:
     again = here.compose(here.inverse().compose(there))
     assert again.distance_to(there) < 1e-9
     assert abs(normalise_angle(again.yaw - there.yaw)) < 1e-9
 
 
-def test_the_distance_to_a_turned_box_is_that_to_its_face() -> None:
+def test_distance_to_rotated_box_is_distance_to_face() -> None:
     solid = Solid([Box(0.0, 0.0, 2.0, 1.0, math.pi / 4)], [])
     out = 3.0
     assert solid.clearance(out * math.cos(math.pi / 4), out * math.sin(math.pi / 4)) == pytest.approx(2.0)
     assert solid.clearance(0.1, 0.0) == 0.0
 
 
-def test_the_distance_to_a_cylinder_is_that_to_its_rim() -> None:
+def test_distance_to_cylinder_is_distance_to_rim() -> None:
     solid = Solid([], [Cylinder(1.0, 0.0, 0.5)])
     assert solid.clearance(3.0, 0.0) == pytest.approx(1.5)
     assert solid.clearance(1.0, 0.0) == 0.0
 
 
-def test_nothing_limits_the_travel_in_an_empty_world() -> None:
+def test_travel_in_empty_world_is_unlimited() -> None:
     solid = Solid([], [])
     assert solid.free_travel((0.0, 0.0), 1.0, 100.0, 0.22) == 100.0
 
 
-def test_a_disc_cannot_jump_over_a_thin_wall() -> None:
+def test_disc_cannot_pass_through_thin_wall() -> None:
     solid = Solid([Box(5.0, 0.0, 0.001, 4.0)], [])
     assert solid.free_travel((0.0, 0.0), 0.0, 1e6, 0.22) == pytest.approx(5.0 - 0.0005 - 0.22, abs=1e-4)
 
 
-def test_a_disc_that_touches_may_leave_and_slide_along() -> None:
+def test_disc_in_contact_may_leave_and_slide() -> None:
     solid = Solid([Box(1.0, 0.0, 1.0, 100.0)], [])
     reached = solid.free_travel((0.0, 0.0), 0.0, 1.0, 0.22)
     assert solid.free_travel((reached, 0.0), 0.0, 1.0, 0.22) == 0.0
@@ -58,7 +58,7 @@ def test_a_disc_that_touches_may_leave_and_slide_along() -> None:
 
 
 @given(coordinates, coordinates, angles, st.floats(0.0, 30.0))
-def test_no_point_of_a_free_line_is_too_near(x: float, y: float, heading: float, length: float) -> None:
+def test_free_travel_keeps_clearance(x: float, y: float, heading: float, length: float) -> None:
     world = find_world("disaster_zone")
     radius = world.robot_radius
     if world.obstacle_arrays.clearance(x, y) <= radius:
@@ -71,13 +71,13 @@ def test_no_point_of_a_free_line_is_too_near(x: float, y: float, heading: float,
         )
 
 
-def test_a_ray_ends_at_the_first_surface() -> None:
+def test_ray_ends_at_first_surface() -> None:
     solid = Solid([Box(3.0, 0.0, 1.0, 1.0)], [Cylinder(-2.0, 0.0, 0.5)])
     seen = cast(solid, 0.0, 0.0, np.array([0.0, math.pi, math.pi / 2]))
     assert seen == pytest.approx([2.5, 1.5, math.inf])
 
 
-def test_a_scan_has_the_noise_of_its_seed(disaster_zone: World) -> None:
+def test_scan_noise_depends_on_seed(disaster_zone: World) -> None:
     lidar, pose = Lidar(), Pose2D(0.5, 0.5, 0.3)
     scans = [
         lidar.scan(disaster_zone.obstacle_arrays, pose, np.random.default_rng(seed)) for seed in (1, 1, 2)
@@ -88,14 +88,14 @@ def test_a_scan_has_the_noise_of_its_seed(disaster_zone: World) -> None:
     assert np.abs(scans[0] - truth).max() < 6 * lidar.noise
 
 
-def test_a_scan_sees_nothing_beyond_its_range() -> None:
+def test_scan_sees_nothing_beyond_range() -> None:
     scan = Lidar(range_max=2.0).scan(
         Solid([Box(3.0, 0.0, 0.5, 9.0)], []), Pose2D(0.0, 0.0), np.random.default_rng(0)
     )
     assert np.isinf(scan).all()
 
 
-def test_the_shipped_world_is_the_disaster_zone(disaster_zone: World) -> None:
+def test_shipped_disaster_zone_has_expected_content(disaster_zone: World) -> None:
     assert len(disaster_zone.boxes) == 11
     assert disaster_zone.cylinders == (Cylinder(-2.0, -2.5, 0.3),)
     assert disaster_zone.start == Pose2D(0.0, 0.0, 0.0)
@@ -108,13 +108,13 @@ def test_the_shipped_world_is_the_disaster_zone(disaster_zone: World) -> None:
     }
 
 
-def test_the_empty_world_has_no_map() -> None:
+def test_empty_world_has_no_map() -> None:
     world = find_world("empty")
     assert world.map_path is None
     assert world.obstacle_arrays.clearance(0.0, 0.0) > 19.0
 
 
-def test_a_world_that_is_not_there_is_named_with_those_that_are() -> None:
+def test_unknown_world_is_reported_with_known_worlds() -> None:
     with pytest.raises(WorldError, match=r"shipped: disaster_zone, empty.*did you mean 'disaster_zone'"):
         find_world("disaster_zon")
 
@@ -122,8 +122,8 @@ def test_a_world_that_is_not_there_is_named_with_those_that_are() -> None:
 ROBOT = "robot: {x: 0, y: 0, radius: 0.22}\n"
 
 
-# Each: the file, then line, column, code, the end of the message, and what to write instead.
-MISTAKES: list[tuple[str, int, int, str, str, str]] = [
+# Each: file content, line, column, code, part of the message, and part of the advice.
+INVALID_WORLDS: list[tuple[str, int, int, str, str, str]] = [
     ("", 1, 1, "empty-file", "the file is empty", "for example robot: "),
     ("robot: [\n", 2, 1, "malformed-yaml", "something is missing here", "write the missing part"),
     (
@@ -202,7 +202,7 @@ MISTAKES: list[tuple[str, int, int, str, str, str]] = [
 ]
 
 
-def found(tmp_path: Path, text: str) -> tuple[Diagnostic, ...]:
+def load_findings(tmp_path: Path, text: str) -> tuple[Diagnostic, ...]:
     path = tmp_path / "world.yaml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(TreeError) as caught:
@@ -210,19 +210,19 @@ def found(tmp_path: Path, text: str) -> tuple[Diagnostic, ...]:
     return caught.value.findings
 
 
-@pytest.mark.parametrize(("text", "line", "column", "code", "problem", "advice"), MISTAKES)
-def test_a_mistake_in_a_world_file_is_found_where_it_stands(
+@pytest.mark.parametrize(("text", "line", "column", "code", "problem", "advice"), INVALID_WORLDS)
+def test_error_in_world_file_is_reported_with_location(
     tmp_path: Path, text: str, line: int, column: int, code: str, problem: str, advice: str
 ) -> None:
-    first = found(tmp_path, text)[0]
+    first = load_findings(tmp_path, text)[0]
     assert (first.code, first.span.line, first.span.column) == (code, line, column)
     assert problem in first.message
     assert advice in first.advice
 
 
-def test_all_mistakes_in_a_world_file_are_said_at_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+def test_all_errors_in_world_file_are_reported_in_order(tmp_path: Path) -> None:
     text = "robot: {x: 0, y: 0, radus: 0.22}\nwals: []\nzones: {a: {x: 1}}\nsurvey: [{x: 1, y: b}]\n"
-    assert [(each.code, each.span.line, each.suggestion) for each in found(tmp_path, text)] == [
+    assert [(each.code, each.span.line, each.suggestion) for each in load_findings(tmp_path, text)] == [
         ("unknown-key", 1, "radius"),
         ("unknown-key", 2, "walls"),
         ("missing-key", 3, None),
@@ -230,6 +230,6 @@ def test_all_mistakes_in_a_world_file_are_said_at_once_in_the_order_of_the_file(
     ]
 
 
-def test_a_world_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+def test_unreadable_world_is_reported(tmp_path: Path) -> None:
     with pytest.raises(UnreadableFileError, match="cannot read"):
         load_world(tmp_path)
