@@ -1,4 +1,4 @@
-"""What the tests of faults share: a mission as a process of its own, among servers that misbehave."""
+"""Fixtures for the tests of faults: a mission in its own process, with servers that misbehave."""
 
 import os
 
@@ -9,19 +9,19 @@ from tests.ros.conftest import make_ros, ros, said
 
 __all__ = ["make_ros", "ros", "said", "start", "witness"]
 
-# Nothing is sent to a localisation, ticks are frequent, and what a stopped run waits for is short.
+# No initial pose is sent, ticks are frequent, and the startup timeout is short.
 QUICK = (
     ("set_initial_pose", "false"),
     ("tick_rate_hz", "10.0"),
     ("startup_timeout_sec", "30.0"),
 )
-# `make soak` has the other one run the callbacks as well.
+# `make soak` also runs the tests with the other executor.
 EXECUTOR = os.environ.get("SAR_TEST_EXECUTOR", "events")
 
 
 @pytest.fixture
 def serve():
-    """Start servers; what still runs after the test is killed."""
+    """Return a function that starts servers; running servers are killed after the test."""
     from tests.faults.servers import Servers
 
     processes = []
@@ -38,7 +38,7 @@ def serve():
 
 @pytest.fixture
 def fly(start, serve):
-    """Start `sar-run` beside servers for what it searches and reports with; one zone, unless it is told otherwise."""
+    """Return a function that starts `sar-run` with servers for detection and reports, by default with one zone."""
 
     served: list[object] = []
 

@@ -1,6 +1,6 @@
-"""A program that is `sar-run` again and again, in one process: `python -m tests.faults.endurance COUNT ARGUMENTS`.
+"""Runs `sar-run` repeatedly in one process: `python -m tests.faults.endurance COUNT ARGUMENTS`.
 
-After each run it prints what the process holds then, as `mission NUMBER: JSON`, with the types of which there are more than after the last.
+After each run it prints the resources of the process as `mission NUMBER: JSON`, with the object types whose number has grown.
 """
 
 import gc
@@ -17,7 +17,7 @@ _PAGE_KB = os.sysconf("SC_PAGE_SIZE") / 1024
 
 
 def holdings(pid="self"):
-    """Return what a process holds: memory in kB, and the numbers of its threads and descriptors."""
+    """Return the resources of a process: memory in kB, and the numbers of threads and file descriptors."""
     process = Path(f"/proc/{pid}")
     return {
         "memory": int((process / "statm").read_text(encoding="ascii").split()[1]) * _PAGE_KB,
@@ -27,7 +27,7 @@ def holdings(pid="self"):
 
 
 def types():
-    """Count the objects that the garbage collector knows, by their types."""
+    """Count the objects of the garbage collector by type."""
     return Counter(f"{type(each).__module__}.{type(each).__qualname__}" for each in gc.get_objects())
 
 
@@ -35,7 +35,7 @@ if __name__ == "__main__":
     before = types()
     for number in range(1, int(sys.argv[1]) + 1):
         status = main(sys.argv[2:])
-        # A guardian that is still starting, as on a busy machine, ends later than so short a mission, which waits for it 1 s.
+        # On a busy machine, a guardian may still be starting when so short a mission ends, which waits only 1 s for it.
         for thread in threading.enumerate():
             if thread.name == "guardian":
                 thread.join()

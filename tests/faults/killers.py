@@ -1,4 +1,4 @@
-"""Programs that are `sar-run`, and die as by `kill -9`: start them with `python -c`."""
+"""Programs that run `sar-run` and kill themselves with SIGKILL: start them with `python -c`."""
 
 KILLER = """
 import os, signal, sys
@@ -21,7 +21,7 @@ def write_or_die(self, watched, noted=(), end=None):
 JournalFile.write = write_or_die
 sys.exit(main(sys.argv[3:]))
 """
-"""Dies at its Nth fact: arguments are N, `written` to die after it is written or anything else to die before, and sar-run's."""
+"""Kills itself at its Nth event. Arguments: N, `written` (after writing it) or any other word (before), those of sar-run."""
 
 TIMED_KILLER = """
 import os, signal, sys, threading
@@ -40,4 +40,4 @@ def begin_and_die(self, *about):
 JournalFile.begin_run = begin_and_die
 sys.exit(main(sys.argv[2:]))
 """
-"""Dies so many seconds after it has begun to write its journal: arguments are the seconds, and sar-run's."""
+"""Kills itself some seconds after the start of its journal. Arguments: the seconds, those of sar-run."""

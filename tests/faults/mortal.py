@@ -1,4 +1,4 @@
-"""Missions that die, in this process."""
+"""Missions that crash and resume within the test's own process."""
 
 from collections import Counter
 from contextlib import nullcontext
@@ -7,32 +7,32 @@ from typing import Any
 from tests.full_disk import full_disk
 
 ONCE = ("zone_searched", "survivor_named", "report_acknowledged", "zone_visited")
-"""The facts of which there is one for each zone, or each survivor."""
+"""The kinds of events that occur at most once for each zone or survivor."""
 
 SURVIVORS = {"zone_a": (1.5, 1.25), "zone_b": (-2.0, 0.5)}
 
 
 class Death(BaseException):
-    """What SIGKILL is to a process."""
+    """Stands for SIGKILL of the process."""
 
 
 class Mortal:
-    """Lives of one mission in this process, over real DDS, each with the journal of the one before.
+    """Consecutive lives of one mission in this process, with real DDS, each resuming the journal of the previous one.
 
     Args:
         ros: The ROS context.
         place: The journal.
         tree: A shipped tree.
         zones: Its zones; those of the stage by default.
-        survivors: Who is found, by zone.
+        survivors: Positions of the survivors by zone.
 
     Attributes:
         stage: The mission's node, and its servers.
         journal: The journal of this life.
         mission: The run of the mission in this life.
-        left: The goals of earlier lives.
-        facts: How many facts this life has written.
-        full_from: The number of the fact from which on the disk is full in this life; None if it is not.
+        left: The orphaned goals of earlier lives.
+        facts: The number of events that this life has written.
+        full_from: The number of the event from which the disk is full in this life, or None.
     """
 
     def __init__(self, ros, place, tree, zones=None, survivors=SURVIVORS):
@@ -54,13 +54,13 @@ class Mortal:
 
     @property
     def record(self):
-        """The record of the mission in this life."""
+        """Return the record of the mission in this life."""
         from search_and_rescue.record import MissionRecord
 
         return self.mission.context[MissionRecord]
 
     def refuse(self, count):
-        """Let base refuse the first reports."""
+        """Let the base station refuse the first `count` reports."""
 
         def answer(_, response):
             response.acknowledged = len(self.report.requests) > count
@@ -68,7 +68,7 @@ class Mortal:
         self.report.answer = answer
 
     def wake_up(self):
-        """Begin a life: take over what earlier ones have done, and cancel the goals that they have left."""
+        """Begin a life: resume the journal and start to cancel the goals of earlier lives."""
         from sar_compiler.compiler import compile_tree
         from sar_compiler.journal.journal_opening import open_journal
         from sar_compiler.loaded_tree import load
@@ -103,17 +103,17 @@ class Mortal:
         return runner
 
     def begin(self):
-        """Begin a life, and wait for the end of the goals that earlier ones have left; return the runner of the tree."""
+        """Begin a life, and wait for the end of the orphaned goals; return the runner of the tree."""
         self.wake_up()
         self.stage.until(lambda: self.left.poll() is None, "the end of the goals that were left")
         return self.start()
 
     def live(self, dies_at=None, *, written=False):
-        """Live until the mission is complete, or until a fact is to be written.
+        """Run until the mission is complete, or until an event is written; return whether it is complete.
 
         Args:
-            dies_at: The number of that fact in this life, from 1; None to live on.
-            written: Whether it is written before that.
+            dies_at: The number of that event in this life, from 1; None for no death.
+            written: Whether the event is written before the death.
         """
         runner = self.begin()
         self.die_at(dies_at, written=written)
@@ -132,23 +132,23 @@ class Mortal:
         return True
 
     def die(self):
-        """Leave everything as SIGKILL does."""
+        """Leave the files and the node as after SIGKILL."""
         self.journal._file.close()
         self.journal._reserve.close(is_needed=True)
         self.stage.renew_node()
 
     def die_at(self, number, *, written):
-        """Die when this life writes a fact: a `Death` is raised.
+        """Raise `Death` when this life writes an event.
 
         Args:
-            number: The number of the fact from now on; None to live on.
-            written: Whether it is written before that.
+            number: The number of the event from now on; None for no death.
+            written: Whether the event is written before the death.
         """
         write, self.facts = self.journal._file.write, 0
         seen: set[int] = set()
 
         def write_or_die(watched, facts=(), end=None):
-            new = {fact.number for fact in facts} - seen  # those that could not be written come again
+            new = {fact.number for fact in facts} - seen  # events that could not be written are passed again
             seen.update(new)
             self.facts += len(new)
             dies = bool(new) and self.facts == number
@@ -163,14 +163,14 @@ class Mortal:
         self.journal._file.write = write_or_die
 
     def told(self):
-        """What the world has been told: the reports, each once, and the frames."""
+        """Return the reports that the base station has received, without repetitions."""
         reports = {
             (each.survivor_id, each.location.point.x, each.location.point.y) for each in self.report.requests
         }
         return sorted(reports)
 
     def outcome(self):
-        """How the mission stands at the end."""
+        """Return the visited zones, the survivors and the reports."""
         return self.record.zones_visited, self.record.survivors, self.told()
 
     def close(self):
@@ -178,7 +178,7 @@ class Mortal:
 
 
 def kinds(place):
-    """Count the facts of a journal, each with its zone or survivor."""
+    """Count the events of a journal by kind and by zone or survivor."""
     from sar_compiler.journal.database import JournalFile
 
     file = JournalFile.read(place)

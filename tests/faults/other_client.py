@@ -8,7 +8,7 @@ from tests.ros.conftest import Ros
 
 
 class OtherClient:
-    """Sends goals of its own."""
+    """Sends its own goals."""
 
     def __enter__(self) -> "Self":
         from nav2_msgs.action import NavigateToPose

@@ -1,8 +1,8 @@
-"""Servers that misbehave as a test tells them, in a process of their own, which can be killed and frozen.
+"""Servers that misbehave as scripted by a test, in a separate process that can be killed and frozen.
 
 Roles: `navigation` (the action `navigate_to_pose`, and Nav2's two lifecycle nodes), `survivors` (the two services),
-`clock` (`/clock`). What happens in the process is an event, a line of JSON in a pipe of its own: Fast DDS writes its
-complaints to standard output. Orders come by standard input.
+`localiser` (node `amcl`), `clock` (`/clock`). The process reports events as lines of JSON in a separate pipe, because
+Fast DDS writes its warnings to standard output. It reads orders from standard input.
 """
 
 import json
@@ -20,17 +20,17 @@ from tests.waiting import SILENCE_SEC, News
 
 _TICK_SEC = 0.01
 _CLOCK_PERIOD_SEC = 0.02
-# How long Nav2 keeps the result of a goal, seconds.
+# Time for which Nav2 keeps the result of a goal, seconds.
 _RESULT_SEC = 10
 
 
 class Servers:
-    """A process of servers, as seen by a test.
+    """The test's interface to a process of servers.
 
     Args:
-        role: What it serves.
+        role: The servers that it runs.
         env: Changes to the environment.
-        script: How it behaves; see the roles.
+        script: The behaviour; see the classes of the roles.
     """
 
     def __init__(self, role: str, env: "dict[str, str] | None" = None, **script: Any) -> None:
@@ -57,13 +57,13 @@ class Servers:
                 self._news.tell()
 
     def of(self, event: str, **fields: Any) -> "list[dict[str, Any]]":
-        """Return the events of a kind, with these fields."""
+        """Return the events of a kind with these fields."""
         wanted = {"event": event, **fields}
         with self._news:
             return [each for each in self.events if wanted.items() <= each.items()]
 
     def wait_for(self, event: str, times: int = 1, **fields: Any) -> "dict[str, Any]":
-        """Wait until an event has happened so many times; return the last of these."""
+        """Wait until an event has happened `times` times; return the last of these."""
         with self._news:
             self._news.wait_until(
                 lambda: len(self.of(event, **fields)) >= times, lambda: f"no {event} {fields}: {self.events}"
@@ -72,25 +72,25 @@ class Servers:
 
     @property
     def active(self) -> int:
-        """How many accepted goals have not ended."""
+        """Return the number of accepted goals that have not ended."""
         return len(self.of("accepted")) - len(self.of("ended"))
 
     def order(self, **order: Any) -> None:
-        """Have something done."""
+        """Send an order to the process."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{json.dumps(order)}\n")
         self._process.stdin.flush()
 
     def freeze(self) -> None:
-        """Have the process stand still."""
+        """Suspend the process."""
         self._process.send_signal(signal.SIGSTOP)
 
     def thaw(self) -> None:
-        """Have it go on."""
+        """Continue the process."""
         self._process.send_signal(signal.SIGCONT)
 
     def kill(self) -> None:
-        """End it without notice."""
+        """Kill the process."""
         if self._process.poll() is None:
             self._process.kill()
         self._process.wait()
@@ -104,23 +104,23 @@ _to_test: "list[int]" = []
 
 
 def tell(event: str, **fields: Any) -> None:
-    """Tell the test of an event; at once, in any thread."""
+    """Report an event to the test immediately; usable in any thread."""
     for descriptor in _to_test:
         os.write(descriptor, f"{json.dumps({'event': event, **fields})}\n".encode())
 
 
 class Navigation:
-    """`navigate_to_pose` and the states of `amcl` and `bt_navigator`.
+    """The action `navigate_to_pose` and the states of `amcl` and `bt_navigator`.
 
     Script:
-        goals: How each goal is served, in the order of their arrival; the last entry serves all that follow.
+        goals: The behaviour for each goal in the order of arrival; the last entry applies to all later goals.
             `accept` (true), `accept_after` (0.0 s), `drive` (0.2 s; null: for ever), `feedback` (true), `end` ("succeed" or
             "abort"), `code` (of an abort), `says` (on /rosout, as Nav2's controller, before its end), `cancel` ("grant", "ignore": granted and not heeded, "refuse", "mute": not
             answered), `result` ("send" or "lose"), `drives_on` (0.0 s after its end, unless `follow_path` is cancelled).
         states: The states of the lifecycle nodes by name; null: a node that is not there.
         odometry: Whether the robot has odometry, which says 0.3 m/s while it drives (false).
         runs_away: Whether a robot that drives on does so whatever is cancelled (false).
-        pose: x and y that the localisation has from the start on (none).
+        pose: x and y that the localisation has from the start (none).
         arrives: Whether a localisation that has a pose is at the goal when that has succeeded (true).
         deaf: Whether no goal is answered before there is a client that was not there when the first one came (false).
         preempts: Whether a goal that is accepted aborts the one under way (false).
@@ -159,7 +159,7 @@ class Navigation:
                     await super()._execute_get_result_request(header_and_request)
 
             async def _execute_goal_request(self, header_and_request: Any) -> None:
-                # The request that is judged has no id; this one has.
+                # The goal callback does not receive the id of the goal; this request has it.
                 accept.id = bytes(header_and_request[1].goal_id.uuid)
                 if deaf and not first:
                     first.update(_readers_of_answers(node))
@@ -197,10 +197,10 @@ class Navigation:
         self._states.update(order.get("state", {}))
         self._goals = order.get("goals", self._goals)
         if "goals" in order:
-            self._count = 0  # numbers of goals begin anew
+            self._count = 0  # goal numbers restart
 
     def _serve_odometry(self, node: Any, *, runs_away: bool) -> None:
-        """Publish the odometry, and have `follow_path` cancelled as Nav2's controller does."""
+        """Publish the odometry, and handle the cancellation of `follow_path` like Nav2's controller."""
         from action_msgs.srv import CancelGoal
         from nav_msgs.msg import Odometry
 
@@ -314,7 +314,7 @@ class Navigation:
 
 
 def _readers_of_answers(node: Any) -> "set[bytes]":
-    """Return what distinguishes the clients to which the answers of the action's server go."""
+    """Return the endpoint ids of the clients that receive the responses of the action's server."""
     readers = node.get_subscriptions_info_by_topic(
         "rr/navigate_to_pose/_action/send_goalReply", no_mangle=True
     )
@@ -322,7 +322,7 @@ def _readers_of_answers(node: Any) -> "set[bytes]":
 
 
 class Localiser:
-    """Node `amcl`, alone in its process: its state, `amcl_pose`, and transforms from `map`.
+    """Node `amcl` in a separate process: its state, `amcl_pose`, and transforms from `map`.
 
     Orders: `{"transforms": false}`.
     """
@@ -358,11 +358,11 @@ class Localiser:
 
 
 class Survivors:
-    """`detect_survivor` and `report_survivor`.
+    """The services `detect_survivor` and `report_survivor`.
 
     Script:
         found: Positions by zone.
-        detect, report: How each call is answered, as `Navigation` has its goals: `answer` (true), `after` (0.0 s).
+        detect, report: The response to each call, in order like the goals of `Navigation`: `answer` (true), `after` (0.0 s).
     """
 
     def __init__(self, node: Any, script: "dict[str, Any]") -> None:
@@ -408,11 +408,11 @@ class Survivors:
 
 
 class Clock:
-    """`/clock`.
+    """The topic `/clock`.
 
     Script:
-        start: What it begins with (100.0 s).
-        speed: Its seconds in one of the machine (1.0).
+        start: The first time (100.0 s).
+        speed: Simulated seconds per real second (1.0).
 
     Orders: `{"stop": true}`, `{"stop": false}`, `{"jump": seconds}`.
     """
@@ -447,7 +447,7 @@ _ROLES: "dict[str, Any]" = {
 
 
 def main(descriptor: str, role: str, script: str) -> None:
-    """Serve until the test ends the process, or its own end."""
+    """Serve until the test kills the process or closes its standard input."""
     import rclpy
     from rclpy.executors import MultiThreadedExecutor
 

@@ -1,4 +1,4 @@
-"""Whatever servers answer, a leaf comes to an end, says it in clean lines, and understands the next true answer."""
+"""Tests of leaves with random server responses: a leaf ends, prints clean lines, and accepts the next valid response."""
 
 import math
 import unicodedata
@@ -12,7 +12,7 @@ from tests.waiting import SILENCE_SEC
 
 pytestmark = pytest.mark.ros
 
-# Of the goal that was sent, or of another one.
+# A response about the goal that was sent, or about another one.
 OWN, FOREIGN = "own", "foreign"
 SUCCEEDED, UNKNOWN_GOAL = 4, 2
 FINAL = {SUCCEEDED, 5, 6}
@@ -49,14 +49,14 @@ TRUE: dict[str, Any] = {
 }
 
 
-class Babbler:
-    """A `navigate_to_pose`, and Nav2's lifecycle nodes, that say what they are told to, whatever was asked.
+class ScriptedServer:
+    """A `navigate_to_pose` server and Nav2's lifecycle nodes that send scripted responses to any request.
 
-    It is made of plain services and topics: an action server would say only what can be true.
+    It consists of plain services and topics, because an action server sends only consistent responses.
 
     Attributes:
-        says: The answers.
-        has_asked: Whether somebody has asked what became of a goal, since it was sent.
+        says: The responses.
+        has_asked: Whether a client has requested the result of a goal since it was sent.
     """
 
     def __init__(self, host):
@@ -142,7 +142,7 @@ class Babbler:
 
 
 def require_clean(lines):
-    """Hold that lines have nothing in them that a terminal would obey."""
+    """Assert that lines contain no control characters."""
     for line in lines:
         assert "Cc" not in map(unicodedata.category, line.replace("\t", "")), repr(line)
 
@@ -157,26 +157,26 @@ def stage(ros):
 
 
 def examples(rounds):
-    """Return the settings of so many rounds; one that fails is not made smaller, since DDS does not do the same again."""
+    """Return the settings for some rounds; failures are not shrunk, because DDS is not deterministic."""
     return settings(
         max_examples=rounds, deadline=None, database=None, phases=[Phase.explicit, Phase.generate]
     )
 
 
 @pytest.mark.parametrize("rounds", [15, pytest.param(1500, marks=pytest.mark.slow)], ids=["short", "long"])
-def test_a_drive_ends_or_can_be_ended_whatever_its_server_says(stage, rounds, monkeypatch):
+def test_drive_ends_or_can_be_stopped_for_any_server_responses(stage, rounds, monkeypatch):
     from py_trees.common import Status
 
     from search_and_rescue.actions.navigation import NavigateToZone
 
     monkeypatch.setattr("sar_compiler.ros.leaves.goals._RESULT_SEC", 0.2)
     monkeypatch.setattr("sar_compiler.ros.leaves.goals._CHASE_SEC", 0.1)
-    babbler = Babbler(stage.host())
+    server = ScriptedServer(stage.host())
 
     @examples(rounds)
     @given(answers)
     def hold(says):
-        babbler.says = says
+        server.says = says
         limits: dict[str, Any] = {
             "acceptance_timeout_sec": 0.2,
             "feedback_timeout_sec": 0.3,
@@ -186,17 +186,17 @@ def test_a_drive_ends_or_can_be_ended_whatever_its_server_says(stage, rounds, mo
         leaf.pause_sec = 0.0
         leaf.setup(node=stage.node)
         try:
-            # In a message the last word about a goal counts; of two messages only the last one is sure to arrive.
+            # The last status of a goal in a message applies, and only the last of two messages is sure to arrive.
             told = [dict(listed).get(OWN) for listed in says["statuses"]]
             if says["accepts"] and says["result"] is None and not FINAL.intersection(told[-1:]):
-                # Who says that a goal is under way, and not how it has ended, may mean it.
-                stage.tick_until(leaf, lambda: babbler.has_asked, "the goal")
+                # A server that reports an active goal without a result may be right.
+                stage.tick_until(leaf, lambda: server.has_asked, "the goal")
                 leaf.stop(Status.INVALID)
             else:
                 succeeded = stage.run(leaf) is Status.SUCCESS
                 assert not succeeded or SUCCEEDED in {(says["result"] or {}).get("status"), *told}
-            # It was the server that could not be believed; the goal can be reached.
-            babbler.says = TRUE
+            # The server was wrong; the goal can be reached.
+            server.says = TRUE
             leaf._hopeless.clear()
             leaf.acceptance_timeout_sec = leaf.feedback_timeout_sec = SILENCE_SEC
             assert stage.run(leaf) is Status.SUCCESS, (stage.lines, stage.warnings)
@@ -213,7 +213,7 @@ def test_a_drive_ends_or_can_be_ended_whatever_its_server_says(stage, rounds, mo
 
 
 @pytest.mark.parametrize("rounds", [60, pytest.param(3000, marks=pytest.mark.slow)], ids=["short", "long"])
-def test_a_search_finds_nobody_where_nobody_can_be(stage, rounds):
+def test_search_rejects_impossible_survivor_positions(stage, rounds):
     from py_trees.common import Status
 
     from search_and_rescue.actions.survivors import DetectSurvivor

@@ -1,4 +1,4 @@
-"""Whatever fails, in whatever order: once all is well again the mission ends, and nobody is lost, or told of twice."""
+"""Tests of random faults in random order: after recovery the mission ends, and every survivor is reported under one name."""
 
 import math
 import tempfile
@@ -22,20 +22,20 @@ pytestmark = pytest.mark.ros
 TREE = "search_and_rescue_resilient"
 NAMES = [f"zone_{letter}" for letter in "abcdef"]
 ZONES = [{"id": name, "x": -3.0 + number, "y": 3.0, "yaw": 1.57} for number, name in enumerate(NAMES)]
-# Two of them are so near each other that they may be the same.
+# Two of them are so close to each other that they are possible duplicates.
 SURVIVORS = {"zone_a": (1.5, 1.25), "zone_b": (-2.0, 0.5), "zone_d": (-2.5, 0.5), "zone_f": (9.0, -4.0)}
 
-# Simulated seconds in one of the machine: five seconds before an attempt are a moment.
+# Simulated seconds per real second, so that pauses between attempts are short.
 SPEED = 40.0
 NONSENSE = (math.nan, math.inf, -math.inf, 1e308, -2e5)
-# In the range of each of Nav2's servers, for good, in an obstacle, unexplained, and of nobody.
+# Error codes of Nav2's servers, permanent and temporary ones, no code, and unknown codes.
 CODES = (0, 105, 202, 204, 206, 208, 9003, 65535)
-# The longest wait for the end, of the machine: what had to be waited for before all was well may still be waited for.
+# The longest real time to wait for the end: waits that began before the recovery may still last.
 END_SEC = 240.0
 
 
-class Flight(Mortal):
-    """A mission whose surroundings fail as they are told."""
+class FaultyMission(Mortal):
+    """A mission whose servers and clock fail on request."""
 
     def __init__(self, ros, place):
         from tests.faults.servers import Clock
@@ -49,20 +49,20 @@ class Flight(Mortal):
 
     @property
     def is_over(self):
-        """Whether the tree has come to its end."""
+        """Return whether the tree has succeeded or failed."""
         from py_trees.common import Status
 
         return self.runner is not None and self.runner.last_status in (Status.SUCCESS, Status.FAILURE)
 
     def wake_up(self):
-        """Begin a life, by the clock of the simulation."""
+        """Begin a life with simulated time."""
         from rclpy.parameter import Parameter
 
         self.stage.node.set_parameters([Parameter("use_sim_time", value=True)])
         super().wake_up()
 
     def turn(self):
-        """Let a moment pass; whoever dies in it begins another life."""
+        """Tick once and spin; after a death, begin the next life."""
         try:
             if self.runner is None:
                 if self.left.poll() is None:
@@ -74,37 +74,37 @@ class Flight(Mortal):
             self.die_now()
 
     def die_now(self):
-        """Die, and begin another life."""
+        """Die, and begin the next life."""
         self.die()
         self.runner = None
         self.wake_up()
 
     def replace_navigation(self):
-        """Have another navigation server."""
+        """Start a new navigation server."""
         self.nav.host.close()
         self.nav = self.stage.nav_server()
         self.nav.script = ["succeed"]
 
     def replace_detection(self):
-        """Have another server of the search."""
+        """Start a new detection server."""
         self.detect.host.close()
         self.detect = self.stage.detect_service(SURVIVORS)
 
     def replace_base(self):
-        """Have another base station, which has heard of nobody."""
+        """Start a new base station without reports."""
         self.report.host.close()
         self.report = self.stage.report_service(acknowledged=True)
         self.reports.append(self.report)
 
     def recover(self):
-        """Have everything be well."""
+        """End all faults."""
         self.clock.obey({"stop": False})
         self.replace_navigation()
         self.replace_detection()
         self.replace_base()
 
     def told(self):
-        """What any base station has been told: the reports, each once."""
+        """Return the reports that any base station has received, without repetitions."""
         return {
             (each.survivor_id, each.location.point.x, each.location.point.y)
             for server in self.reports
@@ -112,14 +112,14 @@ class Flight(Mortal):
         }
 
     def frames_told(self):
-        """The frames of survivors that a late listener sees, with their positions."""
+        """Return the survivor frames that a late subscriber receives, with their positions."""
         return {(name, *self.frames.position(name)[:2]) for name in self.frames.frames}
 
 
 class AnyFaults(RuleBasedStateMachine):
-    """Faults in any order, while the mission goes on.
+    """Faults in any order while the mission continues.
 
-    Which ones can be chosen does not depend on the mission: Hypothesis demands that.
+    The choice of faults does not depend on the mission, as Hypothesis requires.
     """
 
     def __init__(self):
@@ -128,7 +128,7 @@ class AnyFaults(RuleBasedStateMachine):
         super().__init__()
         self.folder = tempfile.TemporaryDirectory(prefix="any_faults")
         self.ros = Ros()
-        self.flight = Flight(self.ros, Path(self.folder.name) / "mission.journal")
+        self.flight = FaultyMission(self.ros, Path(self.folder.name) / "mission.journal")
 
     @invariant()
     def time_passes(self):
@@ -223,12 +223,12 @@ class AnyFaults(RuleBasedStateMachine):
         record, shortfalls = flight.record, flight.mission.shortfalls()
         abandoned = [zone["id"] for zone in flight.mission.zones.abandoned_zones()]
         assert sorted((*record.zones_visited, *abandoned)) == NAMES
-        # Who was in a zone that was searched was found there, and nobody else, and has one name.
+        # Exactly the survivors in the visited zones were found, each with one name.
         found = {(each.zone_id, each.x, each.y) for each in record.survivors}
         assert found == {(zone, *SURVIVORS[zone]) for zone in record.zones_visited if zone in SURVIVORS}
         named = {(each.survivor_id, each.x, each.y) for each in record.survivors}
         assert len({name for name, *_ in named}) == len(record.survivors) == len(found)
-        # What base was told is true, and it was told of all of whom it said so; who is missing is said.
+        # All reports are true, every acknowledged survivor was reported, and missing acknowledgements are listed.
         assert flight.told() <= named
         acknowledged = {each.survivor_id for each in record.survivors if each.acknowledged}
         assert acknowledged <= {name for name, *_ in flight.told()}
@@ -245,7 +245,7 @@ class AnyFaults(RuleBasedStateMachine):
 
 @pytest.mark.costly
 @pytest.mark.parametrize("cases", [3, pytest.param(150, marks=pytest.mark.slow)], ids=["short", "long"])
-def test_whatever_fails_every_zone_has_an_end_and_every_survivor_one_name(cases):
+def test_random_faults_leave_every_zone_finished_and_every_survivor_one_name(cases):
     run_state_machine_as_test(
         AnyFaults,
         settings=settings(
@@ -253,7 +253,7 @@ def test_whatever_fails_every_zone_has_an_end_and_every_survivor_one_name(cases)
             stateful_step_count=25,
             deadline=None,
             database=None,
-            # A case that has failed is not tried in smaller forms: DDS would not do the same again.
+            # Failures are not shrunk, because DDS is not deterministic.
             phases=[Phase.generate],
         ),
     )

@@ -1,4 +1,4 @@
-"""A leaf that blocks the tick is named, its goals are canceled after a limit, and Ctrl-C ends the run all the same."""
+"""Tests of leaves that block the tick: they are named, goals are canceled after a timeout, and Ctrl-C ends the run."""
 
 import signal
 
@@ -50,8 +50,11 @@ LINES = {"sleep": 26, "pause": 30, "compute": 33, "end": 23}
 
 
 @pytest.fixture
-def written(tmp_path):
-    """Write a tree with the leaf; return its file, the options and the environment of a run, and the file that makes it block."""
+def write_tree(tmp_path):
+    """Return a function that writes a tree with the leaf.
+
+    It returns the tree file, the options and the environment of a run, and the file that makes the leaf block.
+    """
 
     def write(body):
         (tmp_path / "blocking.py").write_text(LEAVES, encoding="utf-8")
@@ -63,11 +66,14 @@ def written(tmp_path):
 
 
 @pytest.fixture
-def block(serve, fly, written):
-    """Start a run that drives beside a leaf which blocks once its file is there; return the server, the run and that file."""
+def block(serve, fly, write_tree):
+    """Return a function that starts a run with a drive and a leaf that blocks once a file exists.
+
+    It returns the server, the run and that file.
+    """
 
     def start_mission(how, *options, cancel="grant", **parameters):
-        tree, nodes, env, go = written(
+        tree, nodes, env, go = write_tree(
             f'<Parallel success_count="2" failure_count="1"><NavigateToZone/><Block how="{how}"/></Parallel>'
         )
         server = serve("navigation", goals=[{"drive": None, "cancel": cancel}])
@@ -79,8 +85,8 @@ def block(serve, fly, written):
 
 
 @pytest.fixture
-def place(tmp_path):
-    """Return where a leaf blocks, as it is said."""
+def block_message(tmp_path):
+    """Return a function that returns the message about a blocking leaf."""
 
     def say(how, method=None):
         lines = f"{tmp_path}/tree.xml:3; {tmp_path}/blocking.py:{LINES[how]}, in {method or how}"
@@ -89,10 +95,10 @@ def place(tmp_path):
     return say
 
 
-def test_a_leaf_that_blocks_is_named_and_the_goals_are_canceled_after_the_limit(block, place):
+def test_blocking_leaf_is_named_and_goals_are_canceled_after_timeout(block, block_message):
     server, run, go = block("pause", "--journal", "none", blocked_tick_timeout_sec=3.0)
     go.touch()
-    run.wait_for(f"The tree was not ticked for 2 s: {place('pause')}.")
+    run.wait_for(f"The tree was not ticked for 2 s: {block_message('pause')}.")
     server.wait_for("ended", how="cancel")
     run.wait_for("Canceling the goal of '/navigate_to_pose'.")
     go.unlink()
@@ -104,18 +110,18 @@ def test_a_leaf_that_blocks_is_named_and_the_goals_are_canceled_after_the_limit(
 @pytest.mark.parametrize(
     ("cancel", "status"), [("grant", 130), pytest.param("ignore", 4, marks=pytest.mark.slow)]
 )
-def test_the_first_ctrl_c_ends_a_run_whose_leaf_blocks(block, place, cancel, status):
+def test_first_ctrl_c_ends_run_with_blocking_leaf(block, block_message, cancel, status):
     server, run, go = block("sleep", cancel=cancel, settle_timeout_sec=2.0)
     go.touch()
     run.wait_for("The tree was not ticked for 2 s")
     assert run.stop(within_sec=20.0) == status, run.output
-    assert f"sar-run: stopped although {place('sleep')}" in run.output
+    assert f"sar-run: stopped although {block_message('sleep')}" in run.output
     assert ("the robot may still be moving: /navigate_to_pose" in run.output) == (status == 4)
     assert server.active == (status == 4)
 
 
 @pytest.mark.costly
-def test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancels(block):
+def test_guardian_names_leaf_that_holds_interpreter_and_cancels_goal(block):
     server, run, go = block("compute", "--guardian", blocked_tick_timeout_sec=3.0)
     go.touch()
     run.wait_for("and the mission cannot report this itself. The mission is blocked in ")
@@ -126,17 +132,17 @@ def test_a_leaf_that_keeps_the_interpreter_is_named_by_the_guardian_which_cancel
 
 
 @pytest.mark.costly
-def test_a_leaf_that_blocks_while_it_is_stopped_keeps_no_run(block, place):
+def test_leaf_that_blocks_while_stopping_does_not_prevent_end_of_run(block, block_message):
     server, run, _ = block("end", "--journal", "none", settle_timeout_sec=2.0)
     assert run.stop(within_sec=20.0) == 130, run.output
-    assert f"sar-run: stopped although {place('end', 'terminate')}" in run.output
+    assert f"sar-run: stopped although {block_message('end', 'terminate')}" in run.output
     server.wait_for("ended", how="cancel")
 
 
-def test_a_leaf_that_blocks_a_simulated_run_is_named_and_ctrl_c_ends_it(start, written, place):
-    tree, nodes, env, go = written('<Block how="sleep"/>')
+def test_blocking_leaf_of_simulated_run_is_named_and_ctrl_c_ends_run(start, write_tree, block_message):
+    tree, nodes, env, go = write_tree('<Block how="sleep"/>')
     go.touch()
     run = start("sar-run", tree, *nodes, "--sim", "--journal", "none", env=env)
-    run.wait_for(f"The tree was not ticked for 2 s: {place('sleep')}.")
+    run.wait_for(f"The tree was not ticked for 2 s: {block_message('sleep')}.")
     assert run.stop(within_sec=5.0) == 130, run.output
     assert "may still be moving" not in run.output

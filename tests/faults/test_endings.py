@@ -1,7 +1,7 @@
-"""Whatever ends a command or a program, and in whatever phase: no goal is active afterwards, and no process is alive.
+"""Tests that ending a command or a program in any phase leaves no active goal and no process.
 
-The commands are those that are installed, and the programs those of the documentation: a new one is tried, or missing in a table.
-`make soak` tries them all, beside two processes that keep the processors busy; a few are tried each time.
+They cover all installed commands and all documented programs; a new one must be added to a table.
+`make soak` tests all of them on a busy machine; a few are tested in every run.
 """
 
 import argparse
@@ -37,7 +37,7 @@ MARK = "SAR_TEST_ENDING"
 # ---- programs ---------------------------------------------------------------------------------------------------------
 
 
-def ticks(text):
+def ticks_tree(text):
     """Return whether a program of the documentation ticks a tree on a ROS node."""
     return "import rclpy" in text and "compile(" in text and "def test_" not in text
 
@@ -46,7 +46,7 @@ DOCUMENTED = {
     f"{page.name}:{block.file or block.line}": block.text
     for page in PAGES
     for block in blocks(page)
-    if block.language == "python" and ticks(block.text)
+    if block.language == "python" and ticks_tree(block.text)
 }
 START = """
 import threading, time
@@ -89,8 +89,8 @@ SHAPES = {
         f"{RUNNING}    rclpy.spin(node)\n"
     ),
 }
-# What ticks without `running`: rclpy's own handlers have shut ROS down before the program learns of a signal.
-LONELY = {
+# Programs without `running_tree`: rclpy's signal handlers shut ROS down before the program learns of a signal.
+WITHOUT_RUNNING_TREE = {
     "page of before": f"{ALONE}while True:\n    rclpy.spin_once(node)\n",
     "while ok": f"{ALONE}while rclpy.ok():\n    rclpy.spin_once(node, timeout_sec=0.1)\nrunner.shutdown()\n",
     "all caught": (
@@ -105,14 +105,14 @@ DRIVE = '<RosAction name="Drive" action="navigate_to_pose" type="nav2_msgs/actio
 
 
 class Program(Command):
-    """A program, or a command, all of whose processes can be found."""
+    """A program or command whose processes can all be found."""
 
     def __init__(self, name, *arguments, env=None, **more):
         self.mark = uuid.uuid4().hex
         super().__init__(name, *arguments, env={**(env or {}), MARK: self.mark}, **more)
 
     def left(self):
-        """Return the processes that are there, whichever of them has begun which."""
+        """Return the ids of its running processes, including descendants."""
         found = []
         for process in (each for each in Path("/proc").iterdir() if each.name.isdigit()):
             with suppress(OSError):  # it has ended, or is another user's
@@ -121,19 +121,19 @@ class Program(Command):
         return found
 
     def wait_for_goal(self, server):
-        """Wait, as long as it is kept from a processor, until a server has accepted a goal."""
+        """Wait until a server has accepted a goal; time without a processor does not count."""
         self.wait_until(lambda: server.of("accepted") or self.is_over, "the goal")
         assert server.of("accepted"), self.output
 
     def require_gone(self):
-        """Wait until no process of it is alive."""
+        """Wait until none of its processes is running."""
         news = News()
         with news:
             news.wait_until(lambda: not self.left(), lambda: f"{self.left()} do not end:\n{self.output}")
 
 
 class OnTerminal(Terminal):
-    """The same on a terminal."""
+    """A program or command on a terminal."""
 
     left, require_gone = Program.left, Program.require_gone
 
@@ -143,13 +143,13 @@ class OnTerminal(Terminal):
 
     @property
     def output(self):
-        """What it has printed."""
+        """Return its printed lines."""
         return "\n".join(self.history)
 
 
 @pytest.fixture
 def start():
-    """Start programs; what is left of them after the test is killed."""
+    """Return a function that starts programs; their remaining processes are killed after the test."""
     started = []
 
     def begin(name, *arguments, kind=Program, **more):
@@ -165,8 +165,8 @@ def start():
 
 @pytest.fixture
 def busy(request):
-    """Keep the processors busy, if that is asked for."""
-    # As long as this process, also if that is killed.
+    """Keep the processors busy with the number of processes in the parameter."""
+    # They end with this process, also if it is killed.
     program = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: pass"
     loops = [subprocess.Popen([sys.executable, "-c", program]) for _ in range(request.param)]
     yield
@@ -177,7 +177,7 @@ def busy(request):
 
 @pytest.fixture
 def program(start, tmp_path, monkeypatch):
-    """Start a program with a tree that drives, in a folder of its own."""
+    """Return a function that starts a program with a driving tree in its own folder."""
 
     def begin(text, body=DRIVE):
         (tmp_path / "mission.xml").write_text(document(body), encoding="utf-8")
@@ -189,7 +189,7 @@ def program(start, tmp_path, monkeypatch):
 
 
 def matrix(names, few):
-    """Return names by signals, each beside busy processes and slow, and a few of them alone."""
+    """Return all pairs of names and signals on a busy machine, marked slow, and a few pairs without load."""
     full = [
         pytest.param(name, number, 2, marks=pytest.mark.slow, id=f"{name}-{number.name}-busy")
         for name in names
@@ -203,13 +203,13 @@ FEW = [(name, signal.SIGINT) for name in DOCUMENTED]
 FEW += [("a thread of its own", signal.SIGHUP)]
 
 
-def test_every_program_of_the_documentation_that_ticks_a_tree_is_ended_by_running():
+def test_documented_programs_use_running_tree():
     assert DOCUMENTED
     assert [name for name, text in DOCUMENTED.items() if "sar_compiler.running_tree(" not in text] == []
 
 
 @pytest.mark.parametrize(("name", "number", "busy"), matrix(NAMED, FEW), indirect=["busy"])
-def test_a_program_that_is_ended_with_a_goal_under_way_leaves_nothing(program, serve, name, number, busy):
+def test_program_ended_with_active_goal_leaves_no_goal_or_process(program, serve, name, number, busy):
     server = serve("navigation", goals=[{"drive": None}])
     run = program(NAMED[name])
     run.wait_for_goal(server)
@@ -227,19 +227,17 @@ LONELY_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 @pytest.mark.parametrize(
     ("name", "number", "busy"),
-    [each for each in matrix(LONELY, LONELY_FEW) if each.values[1] in LONELY_SIGNALS],
+    [each for each in matrix(WITHOUT_RUNNING_TREE, LONELY_FEW) if each.values[1] in LONELY_SIGNALS],
     indirect=["busy"],
 )
-def test_a_program_without_running_says_what_it_cannot_cancel_and_cancels_it_apart(
-    program, serve, name, number, busy
-):
+def test_program_without_running_tree_cancels_goal_in_separate_context(program, serve, name, number, busy):
     server = serve("navigation", goals=[{"drive": None}])
-    run = program(LONELY[name])
+    run = program(WITHOUT_RUNNING_TREE[name])
     run.wait_for_goal(server)
     run.send(number)
     run.wait_until(lambda: run.is_over, "the end")
     assert server.active == 0, run.output
-    # rclpy shuts ROS down in a thread of its own, which a program can be ahead of.
+    # rclpy shuts ROS down in its own thread, so the program can be faster.
     has_sent = "Canceling the goal of 'Drive'." in run.output
     told = "could not be canceled, because ROS is shut down in this process. The robot may still be moving."
     assert has_sent or run.output.index(told) < run.output.index("Canceling the goal of '/navigate_to_pose'.")
@@ -247,7 +245,7 @@ def test_a_program_without_running_says_what_it_cannot_cancel_and_cancels_it_apa
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
-def test_a_program_whose_goal_does_not_end_says_that_the_robot_may_be_moving(program, serve, number):
+def test_program_with_unending_goal_reports_possible_motion(program, serve, number):
     server = serve("navigation", goals=[{"drive": None, "cancel": "ignore"}])
     run = program(SHAPES["spin"].replace("node) as", "node, settle_timeout_sec=1.0) as"))
     run.wait_for_goal(server)
@@ -259,7 +257,7 @@ def test_a_program_whose_goal_does_not_end_says_that_the_robot_may_be_moving(pro
 
 @pytest.mark.parametrize("number", [pytest.param(each, marks=pytest.mark.slow) for each in SIGNALS])
 @pytest.mark.parametrize("name", NAMED)
-def test_a_program_that_waits_for_a_server_ends(program, name, number):
+def test_program_waiting_for_server_ends_on_signal(program, name, number):
     run = program(NAMED[name]).wait_for("Waiting for the action server navigate_to_pose...")
     run.send(number)
     assert run.end() == SIGNALS[number], run.output
@@ -289,7 +287,7 @@ class Open(Behaviour):
 @pytest.mark.parametrize(
     ("name", "number", "busy"), matrix(NAMED, [("a guardian", signal.SIGTERM)]), indirect=["busy"]
 )
-def test_a_program_whose_tree_is_being_set_up_ends(program, name, number, busy):
+def test_program_setting_up_its_tree_ends_on_signal(program, name, number, busy):
     text = SETS_UP + NAMED[name].replace('load("mission.xml")', 'load("mission.xml", nodes=[Open])')
     run = program(text, "<Open/>").wait_for("setting up")
     run.send(number)
@@ -297,11 +295,11 @@ def test_a_program_whose_tree_is_being_set_up_ends(program, name, number, busy):
     run.require_gone()
 
 
-# Without the foreign thread, for which the interpreter waits: the block that would end the program has not begun.
+# The foreign thread is omitted: the interpreter waits for it, because the block that would end the program has not begun.
 @pytest.mark.parametrize(
     "name", [pytest.param(each, marks=pytest.mark.slow) for each in SHAPES if each != "a foreign thread"]
 )
-def test_a_program_that_loads_its_tree_while_ros_is_shut_down_is_told_so_by_rclpy(program, name):
+def test_program_loading_its_tree_during_shutdown_gets_exception_of_rclpy(program, name):
     text = SHAPES[name].replace(
         "with sar", "print('loading', flush=True)\nwhile rclpy.ok():\n    time.sleep(0.01)\nwith sar"
     )
@@ -312,7 +310,7 @@ def test_a_program_that_loads_its_tree_while_ros_is_shut_down_is_told_so_by_rclp
     run.require_gone()
 
 
-def test_a_program_that_is_killed_leaves_its_goal_to_a_guardian(program, serve):
+def test_goal_of_killed_program_is_canceled_by_guardian(program, serve):
     server = serve("navigation", goals=[{"drive": None}])
     run = program(SHAPES["a guardian"])
     run.wait_for_goal(server)
@@ -343,7 +341,7 @@ class Block(Behaviour):
 @pytest.mark.parametrize(
     "number", [signal.SIGTERM, *(pytest.param(each, marks=pytest.mark.slow) for each in SIGNALS)]
 )
-def test_a_program_whose_leaf_blocks_ends_with_its_goal(program, serve, tmp_path, number):
+def test_program_with_blocking_leaf_ends_and_cancels_its_goal(program, serve, tmp_path, number):
     server = serve("navigation", goals=[{"drive": None}])
     body = f'<Parallel success_count="2" failure_count="2">{DRIVE}<Block/></Parallel>'
     text = BLOCKS + SHAPES["spin"].replace('"mission.xml")', '"mission.xml", nodes=[Block])')
@@ -378,34 +376,34 @@ MODEL = '<TreeNodesModel><Action ID="AnyLeaf"/></TreeNodesModel>'
 _WORKS_SEC, _BEGUN_SEC = 0.7, 0.2
 
 
-def works(run):
-    """Return whether a command has computed for longer than its beginning takes."""
+def is_computing(run):
+    """Return whether a command has computed for longer than its start takes."""
     return processor_sec(run.pid) > _WORKS_SEC
 
 
 def has_read(run):
-    """Return whether a command has read what was typed, and waits for more."""
+    """Return whether a command has read all its input."""
     return not int.from_bytes(fcntl.ioctl(run.typed_on, termios.FIONREAD, bytes(4)), sys.byteorder)
 
 
-def calls(run):
-    """Return whether a command has begun a process: it may be so nice that it hardly computes on a busy machine."""
+def has_child_process(run):
+    """Return whether a command has a child process, which may hardly compute on a busy machine because of its nice value."""
     return bool(children_of(run.pid))
 
 
-def children_work(count):
-    """Return a function which tells whether so many processes that a command has begun have computed for a while."""
+def children_are_computing(count):
+    """Return a function that returns whether `count` child processes of a command have computed for a while."""
     return lambda run: sum(processor_sec(each) > _BEGUN_SEC for each in children_of(run.pid)) >= count
 
 
 class Phase(NamedTuple):
-    """Something of a command that takes long.
+    """A long phase of a command.
 
     Attributes:
         words: The command's arguments.
-        reached: A line that tells that it has begun, or a function which does.
-        typed: What comes in by standard input, which stays open.
-        kind: Whether it is on a terminal.
+        reached: A line that marks its beginning, or a function that detects it.
+        typed: Returns the standard input, which stays open.
+        kind: Whether the command is on a terminal.
     """
 
     words: list[str]
@@ -414,8 +412,8 @@ class Phase(NamedTuple):
     kind: type[Program | OnTerminal] = Program
 
 
-def of_agent(folder, *calls):
-    """Return what an agent sends to the server of tools."""
+def agent_messages(folder, *calls):
+    """Return the messages of an agent to the MCP server."""
     told = {
         "protocolVersion": "2025-03-26",
         "capabilities": {},
@@ -429,8 +427,8 @@ def of_agent(folder, *calls):
     return b"".join(json.dumps({"jsonrpc": "2.0", **each}).encode() + b"\n" for each in (*begin, *called))
 
 
-def of_editor(folder, *commands):
-    """Return what an editor sends to the language server."""
+def editor_messages(folder, *commands):
+    """Return the messages of an editor to the language server."""
     uri = (folder / "many.xml").as_uri()
     text = {"uri": uri, "languageId": "xml", "version": 1, "text": (folder / "many.xml").read_text("utf-8")}
     messages: list[dict[str, object]] = [
@@ -451,7 +449,7 @@ def of_editor(folder, *commands):
 
 
 IS_EDITOR_BUILT = Path("sar_compiler/studio/static/codemirror.js").exists()
-# Of each subcommand that imports a user's leaves, the arguments with which it does.
+# The subcommands that import a user's leaves, with their arguments.
 IMPORTING = {
     "validate": ["{tree}"],
     "show": ["{tree}"],
@@ -465,8 +463,8 @@ IMPORTING = {
     "nodes": [],
     "schema": [],
 }
-# Of each command what takes long in it; the first argument is the subcommand, where there are some.
-LONG: dict[str, dict[str, Phase]] = {
+# The long phases of each command; the first argument is the subcommand, if the command has subcommands.
+LONG_PHASES: dict[str, dict[str, Phase]] = {
     "sar-run": {
         "waiting": Phase(["search_and_rescue"], "Waiting for"),
         "page": Phase(
@@ -490,34 +488,38 @@ LONG: dict[str, dict[str, Phase]] = {
             for name, words in IMPORTING.items()
         },
         "diff, reading": Phase(["diff", "-", "{tree}"], has_read, lambda _: b"<root"),
-        "validate, trying": Phase(["validate", "{many}", "--deep", "1000"], works),
-        "simulate, ticking": Phase(["simulate", "{many}", "--ticks", "1000000000"], works),
-        "verify, exploring": Phase(["verify", "{many}"], works),
-        "predict, exploring": Phase(["predict", "{many}"], works),
+        "validate, trying": Phase(["validate", "{many}", "--deep", "1000"], is_computing),
+        "simulate, ticking": Phase(["simulate", "{many}", "--ticks", "1000000000"], is_computing),
+        "verify, exploring": Phase(["verify", "{many}"], is_computing),
+        "predict, exploring": Phase(["predict", "{many}"], is_computing),
         "sweep, playing": Phase(
-            ["sweep", "{many}", "--unusual", "0.1", "--ticks", "1000000000", "--jobs", "2"], children_work(2)
+            ["sweep", "{many}", "--unusual", "0.1", "--ticks", "1000000000", "--jobs", "2"],
+            children_are_computing(2),
         ),
-        # Where its text editor is not built, it ends at once.
+        # If its text editor is not built, the command ends at once.
         **(
             {"edit, serving": Phase(["edit", "{tree}", "--web-port", "0"], "The editor:")}
             if IS_EDITOR_BUILT
             else {}
         ),
-        "lsp, serving": Phase(["lsp"], "Content-Length", of_editor),
-        "lsp, verifying": Phase(["lsp"], children_work(1), lambda folder: of_editor(folder, "sar.verify")),
-        "mcp, serving": Phase(["mcp"], '"id":1', of_agent),
+        "lsp, serving": Phase(["lsp"], "Content-Length", editor_messages),
+        "lsp, verifying": Phase(
+            ["lsp"], children_are_computing(1), lambda folder: editor_messages(folder, "sar.verify")
+        ),
+        "mcp, serving": Phase(["mcp"], '"id":1', agent_messages),
         "mcp, verifying": Phase(
             ["mcp"],
-            calls,
-            lambda folder: of_agent(folder, {"name": "verify", "arguments": {"file": "many.xml"}}),
+            has_child_process,
+            lambda folder: agent_messages(folder, {"name": "verify", "arguments": {"file": "many.xml"}}),
         ),
     },
     "sar-sim": {
         "running": Phase(["run"], "runs, at most"),
-        "mapping": Phase(["map", "-o", "{folder}/map"], works),
+        "mapping": Phase(["map", "-o", "{folder}/map"], is_computing),
         "importing": Phase(["sweep", "{tree}", "--nodes", "endless"], "blocked"),
         "sweeping": Phase(
-            ["sweep", "search_and_rescue", "--speed", "1", "--jobs", "2", "--runs", "100"], children_work(2)
+            ["sweep", "search_and_rescue", "--speed", "1", "--jobs", "2", "--runs", "100"],
+            children_are_computing(2),
         ),
     },
     "sar-journal": {
@@ -531,7 +533,7 @@ LONG: dict[str, dict[str, Phase]] = {
     "sar-detect-survivor-server": {"serving": Phase([], "ready")},
     "sar-report-survivor-server": {"serving": Phase([], "ready")},
 }
-# Those that read what they are given, print, and end.
+# The subcommands that read their input, print, and end.
 AT_ONCE = {
     "sar-compile": {"format", "explain", "completion", *(() if IS_EDITOR_BUILT else ("edit",))},
     "sar-journal": {"show", "report", "check", "stats"},
@@ -541,34 +543,34 @@ INSTALLED = {
     for each in entry_points(group="console_scripts")
     if each.value.startswith(("sar_compiler.", "search_and_rescue."))
 }
-WAYS = [f"{command}: {way}" for command, ways in LONG.items() for way in ways]
+COMMAND_PHASES = [f"{command}: {way}" for command, ways in LONG_PHASES.items() for way in ways]
 
 
 def subcommands(parser):
-    """Return the subcommands of a command, by their names."""
+    """Return the subcommands of a command by name."""
     found = [each.choices for each in parser._actions if isinstance(each, argparse._SubParsersAction)]
     return found[0] if found else {}
 
 
-def test_every_command_that_is_installed_is_tried():
-    assert set(LONG) == INSTALLED == {parser.prog for parser in PARSERS}
+def test_every_installed_command_is_tested():
+    assert set(LONG_PHASES) == INSTALLED == {parser.prog for parser in PARSERS}
 
 
 @pytest.mark.parametrize("parser", PARSERS, ids=lambda parser: parser.prog)
-def test_every_subcommand_is_tried_and_each_that_imports_leaves_while_it_does(parser):
-    tried = {phase.words[0] for phase in LONG[parser.prog].values() if phase.words}
-    importing = {phase.words[0] for phase in LONG[parser.prog].values() if "--nodes" in phase.words}
+def test_every_subcommand_is_tested_and_importing_ones_during_import(parser):
+    tried = {phase.words[0] for phase in LONG_PHASES[parser.prog].values() if phase.words}
+    importing = {phase.words[0] for phase in LONG_PHASES[parser.prog].values() if "--nodes" in phase.words}
     known = subcommands(parser)
     if known:
         assert tried | AT_ONCE.get(parser.prog, set()) == set(known)
     imports = {name for name, each in known.items() if "--nodes" in each._option_string_actions}
-    # Processes of their calls, or a call of their pages, import for these.
+    # These import in child processes or on a request of their page.
     assert imports - {"edit", "lsp", "mcp", "watch"} == importing
 
 
 @pytest.fixture(scope="module")
 def journal(tmp_path_factory):
-    """A journal of a run that has failed."""
+    """Return the journal of a failed run."""
     folder = tmp_path_factory.mktemp("journal")
     (folder / "tree.xml").write_text(document("<AlwaysFailure/>"), encoding="utf-8")
     run = Command("sar-run", folder / "tree.xml", "--journal", folder / "run.journal")
@@ -578,7 +580,7 @@ def journal(tmp_path_factory):
 
 @pytest.fixture
 def begin(start, tmp_path, request):
-    """Start a command, and wait until a phase of it is reached."""
+    """Return a function that starts a command and waits until a phase of it is reached."""
     pipes = []
 
     def begin_phase(command, phase):
@@ -588,8 +590,8 @@ def begin(start, tmp_path, request):
             places[name].write_text(document(body).replace("</root>", f"{MODEL}</root>"), encoding="utf-8")
         if "{journal}" in phase.words:
             places["journal"] = request.getfixturevalue("journal")
-        (tmp_path / "sar.toml").touch()  # no other project's counts
-        # Short sleeps: Python does not notice a signal that comes just before a sleep until that is over.
+        (tmp_path / "sar.toml").touch()  # so that no configuration of a parent folder applies
+        # The sleeps are short, because Python handles a signal just before a sleep only after it.
         (tmp_path / "endless.py").write_text(
             "import time\nprint('blocked', flush=True)\nwhile True:\n    time.sleep(0.05)\n", "utf-8"
         )
@@ -621,11 +623,11 @@ COMMANDS_FEW = [
 ]
 
 
-@pytest.mark.parametrize(("way", "number", "busy"), matrix(WAYS, COMMANDS_FEW), indirect=["busy"])
-def test_a_command_ends_and_leaves_no_process(begin, monkeypatch, tmp_path, way, number, busy):
+@pytest.mark.parametrize(("way", "number", "busy"), matrix(COMMAND_PHASES, COMMANDS_FEW), indirect=["busy"])
+def test_command_ends_on_signal_without_leftover_process(begin, monkeypatch, tmp_path, way, number, busy):
     monkeypatch.chdir(tmp_path)
     command, _, name = way.partition(": ")
-    run = begin(command, LONG[command][name])
+    run = begin(command, LONG_PHASES[command][name])
     run.send(number)
     assert run.end() in NO_GOAL[number], run.output
     run.require_gone()
@@ -645,7 +647,7 @@ sys.meta_path.insert(0, Blocking())
 
 
 @pytest.mark.parametrize(("command", "number", "busy"), matrix(sorted(INSTALLED), []), indirect=["busy"])
-def test_a_command_that_starts_ends_at_once(start, tmp_path, command, number, busy):
+def test_starting_command_ends_on_signal(start, tmp_path, command, number, busy):
     (tmp_path / "sitecustomize.py").write_text(STARTS, encoding="utf-8")
     run = start(command, env={"PYTHONPATH": str(tmp_path)}).wait_for("starting")
     run.send(number)
@@ -676,8 +678,8 @@ PHASES = {"driving": (), "supervised": ("--supervise",), "guarded": ("--guardian
 
 
 @pytest.fixture
-def foreign(start, serve, tmp_path):
-    """Start a run whose leaf has started a thread that does not end, and wait until it drives."""
+def start_with_foreign_thread(start, serve, tmp_path):
+    """Return a function that starts a run whose leaf has started an unending thread, and waits until it drives."""
 
     def begin(*options, **manner):
         (tmp_path / "charging.py").write_text(FOREIGN, encoding="utf-8")
@@ -696,8 +698,10 @@ def foreign(start, serve, tmp_path):
 @pytest.mark.parametrize(
     ("phase", "number", "busy"), matrix(PHASES, [("driving", signal.SIGINT)]), indirect=["busy"]
 )
-def test_a_run_with_a_goal_under_way_and_a_foreign_thread_leaves_nothing(foreign, phase, number, busy):
-    server, run = foreign(*PHASES[phase])
+def test_run_with_active_goal_and_foreign_thread_leaves_no_goal_or_process(
+    start_with_foreign_thread, phase, number, busy
+):
+    server, run = start_with_foreign_thread(*PHASES[phase])
     run.send(number)
     assert run.end() == SIGNALS[number], run.output
     assert server.active == 0, run.output
@@ -708,12 +712,12 @@ def test_a_run_with_a_goal_under_way_and_a_foreign_thread_leaves_nothing(foreign
 
 
 @pytest.mark.parametrize("number", [pytest.param(each, marks=pytest.mark.slow) for each in SIGNALS])
-def test_a_second_signal_while_a_run_ends_ends_it_at_once(foreign, number):
-    server, run = foreign(cancel="ignore")
+def test_second_signal_ends_run_at_once(start_with_foreign_thread, number):
+    server, run = start_with_foreign_thread(cancel="ignore")
     run.send(number)
     server.wait_for("cancel")
     run.wait_until(lambda: "Canceling the goal" in run.output, "the first answer")
-    for _ in range(20):  # the second is one that comes half a second later
+    for _ in range(20):  # a signal counts as the second one from half a second after the first
         run.send(signal.SIGINT)
         run._process.poll()
         if run.is_over:
@@ -724,9 +728,7 @@ def test_a_second_signal_while_a_run_ends_ends_it_at_once(foreign, number):
 
 
 @pytest.mark.parametrize("numbers", [1, pytest.param(3, marks=pytest.mark.slow)])
-def test_a_served_run_with_a_foreign_thread_ends_and_the_next_goal_is_taken(
-    ros, serve, start, tmp_path, numbers
-):
+def test_served_run_with_foreign_thread_ends_and_next_goal_is_accepted(ros, serve, start, tmp_path, numbers):
     from btcpp_ros2_interfaces.action import ExecuteTree
     from rclpy.action import ActionClient
 

@@ -1,4 +1,4 @@
-"""Many missions in one process, and many zones in one mission, leave nothing behind that would grow."""
+"""Tests that many missions in one process, and many zones in one mission, do not leak resources."""
 
 import json
 from itertools import pairwise
@@ -9,18 +9,18 @@ from tests.faults.endurance import holdings
 
 pytestmark = pytest.mark.ros
 
-# What is allowed to stay of a mission: some of Python's objects, of which hundreds are made for each, and memory.
+# The allowed growth per mission, which creates thousands of objects.
 OBJECTS_PER_MISSION, MEMORY_PER_MISSION_KB = 20, 30.0
-# Of a zone some facts stay, such as its name.
+# Some data of a zone is kept, such as its name.
 MEMORY_PER_ZONE_KB = 5.0
-# How many more there may be after one mission than after the one before it, once all modules are imported.
+# The allowed growth of objects from one mission to the next, after the first runs, when all modules are imported.
 OBJECTS_OF_A_RUN, SETTLED_RUNS = 500, 2
-# From here on memory that was given back is used again.
+# From these numbers on, freed memory is reused.
 SETTLED_MISSIONS, SETTLED_ZONES = 50, 400
 
 
-def begin(start, missions, tree, place, zones, *more):
-    """Start missions whose servers take no time."""
+def start_missions(start, missions, tree, place, zones, *more):
+    """Start missions in one process."""
     parameters = [
         word
         for name, value in {"set_initial_pose": "false", **zones}.items()
@@ -32,21 +32,19 @@ def begin(start, missions, tree, place, zones, *more):
     )  # fmt: skip
 
 
-def hold(first, last):
-    """Hold that there are no more threads and descriptors than before."""
+def require_no_growth(first, last):
+    """Assert that there are no more threads and file descriptors than before."""
     assert last["threads"] <= first["threads"]
     assert last["descriptors"] <= first["descriptors"]
 
 
 @pytest.mark.costly
 @pytest.mark.parametrize("missions", [8, pytest.param(500, marks=pytest.mark.slow)], ids=["short", "long"])
-def test_a_process_that_flies_one_mission_after_the_other_keeps_nothing_of_them(
-    serve, start, tmp_path, missions
-):
+def test_consecutive_missions_leak_no_objects_threads_or_memory(serve, start, tmp_path, missions):
     serve("navigation", goals=[{"drive": 0.0}])
     serve("survivors", found={"zone_a": (1.0, 1.0)})
     zones = {"zone_order": "[zone_a, zone_b]"}
-    process = begin(start, missions, "search_and_rescue", tmp_path / "mission.journal", zones)
+    process = start_missions(start, missions, "search_and_rescue", tmp_path / "mission.journal", zones)
     told = []
     for number in range(1, missions + 1):
         name = f"mission {number}: "
@@ -55,8 +53,8 @@ def test_a_process_that_flies_one_mission_after_the_other_keeps_nothing_of_them(
         told.append(json.loads(line.removeprefix(name)))
     assert {each["status"] for each in told} == {0}
     first, last = told[missions // 3], told[-1]
-    hold(first, last)
-    # A whole run is thousands of objects.
+    require_no_growth(first, last)
+    # A leaked run would be thousands of objects.
     kept = {
         number: now["came"]
         for number, (before, now) in enumerate(pairwise(told), 2)
@@ -72,9 +70,7 @@ def test_a_process_that_flies_one_mission_after_the_other_keeps_nothing_of_them(
 @pytest.mark.costly
 @pytest.mark.parametrize("view", [(), ("--view", "web", "--web-port", "0")], ids=["no page", "page"])
 @pytest.mark.parametrize("zones", [60, pytest.param(2000, marks=pytest.mark.slow)], ids=["short", "long"])
-def test_a_mission_of_many_zones_needs_no_more_for_the_last_than_for_the_first(
-    serve, start, tmp_path, zones, view
-):
+def test_mission_of_many_zones_leaks_no_threads_or_memory(serve, start, tmp_path, zones, view):
     names = [f"zone_{number}" for number in range(1, zones + 1)]
     serve("navigation", goals=[{"drive": 0.0}])
     serve("survivors", found={name: (0.0, number) for number, name in enumerate(names[::10])})
@@ -86,12 +82,12 @@ def test_a_mission_of_many_zones_needs_no_more_for_the_last_than_for_the_first(
         encoding="utf-8",
     )
     tree = "search_and_rescue_resilient"
-    process = begin(start, 1, tree, tmp_path / "mission.journal", {}, "--params", params, *view)
+    process = start_missions(start, 1, tree, tmp_path / "mission.journal", {}, "--params", params, *view)
     told = {}
     for number in range(zones // 10, zones + 1, zones // 10):
         process.wait_for(f"Reached zone_{number}.")
         told[number] = holdings(process.pid)
-    hold(told[zones // 5], told[zones])
+    require_no_growth(told[zones // 5], told[zones])
     if zones > SETTLED_ZONES:
         grown = told[zones]["memory"] - told[SETTLED_ZONES]["memory"]
         assert grown <= MEMORY_PER_ZONE_KB * (zones - SETTLED_ZONES)

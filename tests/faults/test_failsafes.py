@@ -1,4 +1,4 @@
-"""The failsafes: which response wins, what it leaves behind, and the operator's orders over ROS."""
+"""Tests of the failsafes: precedence and effects of the responses, and the operator's commands over ROS."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -42,7 +42,7 @@ from tests.ros.test_unasked_motion import Robot
 GUARDED = Path("trees/search_and_rescue_guarded.xml")
 EXAMPLE = Path("examples/failsafes")
 
-# What each condition says when it is not well.
+# The outcome of each condition that triggers its response.
 TROUBLES = {
     "NotHeld?": "held",
     "NotAborted?": "aborted",
@@ -56,8 +56,8 @@ EMERGENCIES = ("NotAborted?", "InsideFence?")
 CONTINGENCIES = ("NotRecalled?", "BatterySuffices?", "MissionTimeLeft?", "BaseInReach?")
 
 
-class Day:
-    """Has leaves answer what is wrong today, and what is usual otherwise; a drive to a zone takes its time."""
+class ScriptedPolicy:
+    """Lets leaves return scripted outcomes, and their nominal ones otherwise; a drive to a zone keeps running."""
 
     def __init__(self) -> None:
         self.wrong: dict[str, str] = {"NavigateToZone": "driving"}
@@ -67,11 +67,11 @@ class Day:
         return next((answer for answer in options if answer.name == said), nominal(options))
 
 
-class Flight:
-    """The guarded mission on the way to its first zone."""
+class GuardedMission:
+    """The simulated guarded mission while it drives to its first zone."""
 
     def __init__(self, **facts: int) -> None:
-        self.day = Day()
+        self.day = ScriptedPolicy()
         self.tree: SimulatedTree = compile_simulated(load(GUARDED).binding(), {}, Assumptions(facts))
         self.tree.policy = self.day
         self.tick()
@@ -84,7 +84,7 @@ class Flight:
     def trouble(self, *conditions: str) -> None:
         self.day.wrong |= {condition: TROUBLES[condition] for condition in conditions}
 
-    def fly(self) -> Status:
+    def run_to_end(self) -> Status:
         for _ in range(100):
             if self.tick(40.0) is not Status.RUNNING:
                 return self.tree.root.status
@@ -95,100 +95,100 @@ class Flight:
         return [f"{event.leaf} {event.outcome}" for event in self.tree.events if event.outcome]
 
 
-def test_while_all_is_well_the_mission_is_flown() -> None:
-    flight = Flight()
-    flight.day.wrong.clear()
-    assert flight.fly() is Status.SUCCESS
-    assert flight.answered().count("AdvanceZone advanced") == 3
-    assert "ComeHome arrived" not in flight.answered()
+def test_mission_without_trouble_is_completed() -> None:
+    mission = GuardedMission()
+    mission.day.wrong.clear()
+    assert mission.run_to_end() is Status.SUCCESS
+    assert mission.answered().count("AdvanceZone advanced") == 3
+    assert "ComeHome arrived" not in mission.answered()
 
 
 @pytest.mark.parametrize("condition", CONTINGENCIES)
-def test_a_contingency_brings_the_robot_home_and_ends_the_mission(condition: str) -> None:
-    flight = Flight()
-    flight.trouble(condition)
-    assert flight.fly() is Status.FAILURE
-    facts = flight.tree.fact_values()
+def test_contingency_brings_robot_home_and_ends_mission(condition: str) -> None:
+    mission = GuardedMission()
+    mission.trouble(condition)
+    assert mission.run_to_end() is Status.FAILURE
+    facts = mission.tree.fact_values()
     assert (facts["at"], facts["zones_left"], facts["zones_abandoned"]) == ("base", 0, 3)
 
 
 @pytest.mark.parametrize("condition", EMERGENCIES)
-def test_an_emergency_ends_the_mission_where_the_robot_stands(condition: str) -> None:
-    flight = Flight()
-    flight.trouble(condition)
-    assert flight.tick() is Status.FAILURE
-    facts = flight.tree.fact_values()
+def test_emergency_ends_mission_at_current_location(condition: str) -> None:
+    mission = GuardedMission()
+    mission.trouble(condition)
+    assert mission.tick() is Status.FAILURE
+    facts = mission.tree.fact_values()
     assert (facts["at"], facts["zones_left"]) == ("", 0)
-    assert not any("ComeHome" in line for line in flight.answered())
+    assert not any("ComeHome" in line for line in mission.answered())
 
 
 @pytest.mark.parametrize("milder", CONTINGENCIES)
 @pytest.mark.parametrize("severer", EMERGENCIES)
-def test_of_two_the_severer_one_wins(severer: str, milder: str) -> None:
-    flight = Flight()
-    flight.trouble(milder, severer)
-    assert flight.tick() is Status.FAILURE
-    assert flight.tree.fact_values()["at"] == ""
+def test_emergency_takes_precedence_over_contingency(severer: str, milder: str) -> None:
+    mission = GuardedMission()
+    mission.trouble(milder, severer)
+    assert mission.tick() is Status.FAILURE
+    assert mission.tree.fact_values()["at"] == ""
 
 
-def test_an_emergency_takes_over_from_the_way_home() -> None:
-    flight = Flight()
-    flight.day.wrong["ComeHome"] = "driving"
-    flight.trouble("BatterySuffices?")
-    assert flight.tick() is Status.RUNNING
-    flight.trouble("InsideFence?")
-    assert flight.tick() is Status.FAILURE
-    assert flight.tree.fact_values()["at"] == ""
+def test_emergency_interrupts_return_home() -> None:
+    mission = GuardedMission()
+    mission.day.wrong["ComeHome"] = "driving"
+    mission.trouble("BatterySuffices?")
+    assert mission.tick() is Status.RUNNING
+    mission.trouble("InsideFence?")
+    assert mission.tick() is Status.FAILURE
+    assert mission.tree.fact_values()["at"] == ""
 
 
-def test_the_way_home_is_not_left_when_its_reason_has_gone() -> None:
-    flight = Flight()
-    flight.day.wrong["ComeHome"] = "driving"
-    flight.trouble("BatterySuffices?")
-    flight.tick()
-    del flight.day.wrong["BatterySuffices?"]
-    assert flight.tick() is Status.RUNNING
-    assert flight.answered()[-1] == "ComeHome driving"
+def test_return_home_continues_after_its_reason_has_gone() -> None:
+    mission = GuardedMission()
+    mission.day.wrong["ComeHome"] = "driving"
+    mission.trouble("BatterySuffices?")
+    mission.tick()
+    del mission.day.wrong["BatterySuffices?"]
+    assert mission.tick() is Status.RUNNING
+    assert mission.answered()[-1] == "ComeHome driving"
 
 
-def test_a_hold_comes_before_everything_else() -> None:
-    flight = Flight(orders_left=9)
-    flight.tree.events.clear()
-    flight.trouble("NotHeld?", *EMERGENCIES, *CONTINGENCIES)
-    assert [flight.tick() for _ in range(3)] == [Status.RUNNING] * 3
-    assert flight.answered() == ["NotHeld? held", "AwaitStandstillAndHold stands", *["NotHeld? held"] * 2]
+def test_pause_takes_precedence_over_all_failsafes() -> None:
+    mission = GuardedMission(orders_left=9)
+    mission.tree.events.clear()
+    mission.trouble("NotHeld?", *EMERGENCIES, *CONTINGENCIES)
+    assert [mission.tick() for _ in range(3)] == [Status.RUNNING] * 3
+    assert mission.answered() == ["NotHeld? held", "AwaitStandstillAndHold stands", *["NotHeld? held"] * 2]
 
 
-def test_an_emergency_is_over_when_the_robot_stands() -> None:
-    flight = Flight()
-    flight.trouble("NotAborted?")
-    flight.day.wrong["AwaitStandstillAndStop"] = "moves"
-    assert [flight.tick() for _ in range(2)] == [Status.RUNNING] * 2
-    assert flight.tree.fact_values()["zones_left"] == 0
-    del flight.day.wrong["AwaitStandstillAndStop"]
-    assert flight.tick() is Status.FAILURE
+def test_emergency_ends_mission_when_robot_stands() -> None:
+    mission = GuardedMission()
+    mission.trouble("NotAborted?")
+    mission.day.wrong["AwaitStandstillAndStop"] = "moves"
+    assert [mission.tick() for _ in range(2)] == [Status.RUNNING] * 2
+    assert mission.tree.fact_values()["zones_left"] == 0
+    del mission.day.wrong["AwaitStandstillAndStop"]
+    assert mission.tick() is Status.FAILURE
 
 
-def test_a_mission_that_was_held_goes_on_with_the_same_zone() -> None:
-    flight = Flight(orders_left=9)
-    flight.trouble("NotHeld?")
-    flight.tick()
-    flight.day.wrong.clear()
-    assert flight.fly() is Status.SUCCESS
-    assert flight.answered().count("AdvanceZone advanced") == 3
+def test_paused_mission_resumes_with_same_zone() -> None:
+    mission = GuardedMission(orders_left=9)
+    mission.trouble("NotHeld?")
+    mission.tick()
+    mission.day.wrong.clear()
+    assert mission.run_to_end() is Status.SUCCESS
+    assert mission.answered().count("AdvanceZone advanced") == 3
 
 
-def test_base_out_of_reach_is_waited_for_before_the_robot_comes_home() -> None:
-    flight = Flight()
-    flight.trouble("BaseInReach?")
-    assert [flight.tick(30.0) for _ in range(2)] == [Status.RUNNING] * 2
-    assert "ComeHome arrived" not in flight.answered()
-    flight.day.wrong.clear()
-    assert flight.fly() is Status.SUCCESS
+def test_unreachable_base_is_awaited_before_return_home() -> None:
+    mission = GuardedMission()
+    mission.trouble("BaseInReach?")
+    assert [mission.tick(30.0) for _ in range(2)] == [Status.RUNNING] * 2
+    assert "ComeHome arrived" not in mission.answered()
+    mission.day.wrong.clear()
+    assert mission.run_to_end() is Status.SUCCESS
 
 
-def verified(text: str, *options: str) -> tuple[int, str]:
-    """Return the exit status of `verify` for the guarded tree with one zone, and what is printed."""
+def verify(text: str, *options: str) -> tuple[int, str]:
+    """Return the exit status and the output of `verify` for a tree with one zone."""
     out = StringIO()
     with redirect_stdout(out), redirect_stderr(StringIO()):
         status = main(["verify", text, "--set", "zones_left=1", *options])
@@ -196,14 +196,14 @@ def verified(text: str, *options: str) -> tuple[int, str]:
 
 
 @pytest.mark.unmeasured
-def test_the_mission_behind_failsafes_is_proved_like_the_mission_alone() -> None:
-    status, output = verified(str(GUARDED))
+def test_guarded_mission_is_verified() -> None:
+    status, output = verify(str(GUARDED))
     assert status == 0, output
     assert output.count("proved") > 10
 
 
 _LAST = "AlwaysFailure/>\n    </Sequence>\n  </BehaviorTree>\n</root>"
-# What is changed in the files, and what does not hold any more.
+# The changes of the files, and the property that no longer holds.
 NEEDED = {
     "the zone that is left before anybody is told": (
         {
@@ -227,7 +227,9 @@ NEEDED = {
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize(("changes", "question"), NEEDED.values(), ids=NEEDED)
-def test_what_the_failsafes_need_is_needed(tmp_path: Path, changes: dict[str, str], question: str) -> None:
+def test_removing_required_part_of_failsafes_violates_property(
+    tmp_path: Path, changes: dict[str, str], question: str
+) -> None:
     included = (GUARDED.name, "failsafes.xml", "search_and_rescue_resilient.xml")
     texts = {name: GUARDED.with_name(name).read_text(encoding="utf-8") for name in included}
     for old, new in changes.items():
@@ -235,24 +237,24 @@ def test_what_the_failsafes_need_is_needed(tmp_path: Path, changes: dict[str, st
         texts = {name: text.replace(old, new) for name, text in texts.items()}
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
-    # What is broken is so in a part of all runs, too.
-    status, output = verified(str(tmp_path / GUARDED.name), "--max-states", "20000")
+    # The violation is found within a limited number of states.
+    status, output = verify(str(tmp_path / GUARDED.name), "--max-states", "20000")
     assert status == 1
     assert f"{question}: does not hold" in " ".join(output.split()), output
 
 
 @pytest.mark.unmeasured
-def test_nothing_drives_after_an_abort_and_nobody_is_named_twice_over_a_hold() -> None:
-    status, output = verified(str(GUARDED), "--properties", str(EXAMPLE / "abort.yaml"))
+def test_properties_of_abort_example_hold() -> None:
+    status, output = verify(str(GUARDED), "--properties", str(EXAMPLE / "abort.yaml"))
     assert status == 0, output
 
 
-def test_the_example_of_a_low_battery_holds() -> None:
+def test_low_battery_scenario_holds() -> None:
     assert_scenario_holds(GUARDED, EXAMPLE / "low_battery.yaml")
 
 
-class Listening:
-    """Makes a leaf say into a list, without a node."""
+class WarningCollector:
+    """Collects the warnings of a leaf without a node in a list."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.warnings: list[str] = []
@@ -266,8 +268,8 @@ class Listening:
 
 
 @pytest.fixture
-def listening(monkeypatch: pytest.MonkeyPatch) -> Listening:
-    return Listening(monkeypatch)
+def collector(monkeypatch: pytest.MonkeyPatch) -> WarningCollector:
+    return WarningCollector(monkeypatch)
 
 
 @pytest.fixture
@@ -276,11 +278,11 @@ def record() -> MissionRecord:
 
 
 class TestConditions:
-    def test_the_time_counts_from_the_first_tick_and_over_a_halt(
-        self, listening: Listening, record: MissionRecord
+    def test_mission_time_starts_at_first_tick_and_includes_halt(
+        self, collector: WarningCollector, record: MissionRecord
     ) -> None:
         clock = ManualClock(1000.0)
-        leaf = listening.to(MissionTimeLeft("Left?", 60.0, clock, record=record))
+        leaf = collector.to(MissionTimeLeft("Left?", 60.0, clock, record=record))
         assert leaf.update() is Status.SUCCESS
         clock.advance(59.0)
         leaf.stop(Status.INVALID)
@@ -296,28 +298,26 @@ class TestConditions:
             (0.19, Status.FAILURE, "the battery is at 19%, below 20%"),
         ],
     )
-    def test_the_battery_is_judged_by_its_percentage(
-        self, listening: Listening, record: MissionRecord, share: float, status: Status, alarm: str
+    def test_battery_is_checked_by_percentage(
+        self, collector: WarningCollector, record: MissionRecord, share: float, status: Status, alarm: str
     ) -> None:
-        leaf = listening.to(BatterySuffices("Battery?", record=record))
+        leaf = collector.to(BatterySuffices("Battery?", record=record))
         assert leaf.on_message(SimpleNamespace(percentage=share)) is status
         assert record.alarm == alarm
 
-    def test_the_limit_of_the_battery_is_told_once_for_its_gauge(
-        self, listening: Listening, record: MissionRecord
-    ) -> None:
+    def test_battery_limit_is_recorded_once(self, collector: WarningCollector, record: MissionRecord) -> None:
         told: list[JournalEntry] = []
         record.journal.add_listener(told.append)
-        leaf = listening.to(BatterySuffices("Battery?", record=record, at_least=0.3))
+        leaf = collector.to(BatterySuffices("Battery?", record=record, at_least=0.3))
         for share in (0.9, 0.8):
             leaf.on_message(SimpleNamespace(percentage=share))
         assert [(each.kind, each.data) for each in told] == [("battery", {"share": 0.9, "at_least": 0.3})]
 
-    def test_a_battery_that_says_nothing_is_given_time_and_then_counts_as_low(
-        self, listening: Listening, record: MissionRecord
+    def test_silent_battery_is_low_after_timeout(
+        self, collector: WarningCollector, record: MissionRecord
     ) -> None:
         clock = ManualClock(5.0)
-        leaf = listening.to(BatterySuffices("Battery?", record=record), clock.now)
+        leaf = collector.to(BatterySuffices("Battery?", record=record), clock.now)
         assert leaf.update() is Status.SUCCESS
         clock.advance(31.0)
         assert leaf.update() is Status.FAILURE
@@ -325,7 +325,7 @@ class TestConditions:
 
     @pytest.mark.ros
     @pytest.mark.parametrize("percentage", [85.0, float("nan")])
-    def test_a_battery_whose_percentage_is_none_is_given_time_and_then_counts_as_low(
+    def test_battery_with_invalid_percentage_is_low_after_timeout(
         self, ros: Any, monkeypatch: pytest.MonkeyPatch, record: MissionRecord, percentage: float
     ) -> None:
         from sensor_msgs.msg import BatteryState
@@ -342,49 +342,49 @@ class TestConditions:
         assert leaf.update() is Status.FAILURE
         assert record.alarm.startswith("no message on 'battery_state' for 30 s (percentage is ")
 
-    def test_a_battery_that_falls_silent_counts_as_low(
-        self, listening: Listening, record: MissionRecord
+    def test_battery_that_becomes_silent_is_low(
+        self, collector: WarningCollector, record: MissionRecord
     ) -> None:
         clock = ManualClock(5.0)
-        leaf = listening.to(BatterySuffices("Battery?", record=record), clock.now)
+        leaf = collector.to(BatterySuffices("Battery?", record=record), clock.now)
         leaf._receive(SimpleNamespace(percentage=0.9))
         assert leaf.update() is Status.SUCCESS
         clock.advance(31.0)
         assert leaf.update() is Status.FAILURE
 
-    def test_what_is_wrong_is_said_once_until_it_is_well_again(self, listening: Listening) -> None:
-        leaf = listening.to(BatterySuffices("Battery?"))
+    def test_failsafe_warning_is_repeated_only_after_recovery(self, collector: WarningCollector) -> None:
+        leaf = collector.to(BatterySuffices("Battery?"))
         for share in (0.19, 0.18, 0.5, 0.17):
             leaf.on_message(SimpleNamespace(percentage=share))
-        assert listening.warnings == [
+        assert collector.warnings == [
             "Failsafe: the battery is at 19%, below 20%.",
             "Failsafe: the battery is at 17%, below 20%.",
         ]
 
-    def test_zones_are_given_up_for_the_reason_of_the_alarm(
-        self, listening: Listening, record: MissionRecord
+    def test_zones_are_abandoned_with_reason_of_alarm(
+        self, collector: WarningCollector, record: MissionRecord
     ) -> None:
         zones = ZoneManager(
             [{"id": name, "x": 0, "y": 0, "yaw": 0} for name in ("zone_a", "zone_b")], {"x": 0, "y": 0, "yaw": 0}
         )  # fmt: skip
         Search(zones, record)
         record.record_alarm("the battery is low")
-        assert listening.to(AbandonZones("Abandon", zones, record=record)).update() is Status.SUCCESS
+        assert collector.to(AbandonZones("Abandon", zones, record=record)).update() is Status.SUCCESS
         assert not zones.has_remaining()
         assert record.shortfalls(zones)[0] == "zone_a and zone_b were abandoned: the battery is low."
 
 
 @pytest.mark.ros
 class TestFence:
-    """`InsideFence` beside a robot that says where it is."""
+    """`InsideFence` with a robot that publishes its position."""
 
-    def test_a_robot_outside_the_fence_is_told_with_its_place(self, ros: Any, record: MissionRecord) -> None:
+    def test_robot_outside_geofence_is_reported_with_position(self, ros: Any, record: MissionRecord) -> None:
         from geometry_msgs.msg import PoseWithCovarianceStamped
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         robot = ros.node("robot").create_publisher(PoseWithCovarianceStamped, "amcl_pose", latched)
-        leaf = fenced(ros, record)
+        leaf = geofence_condition(ros, record)
         assert leaf.update() is Status.SUCCESS
 
         def comes_to(status: Status, x: float) -> None:
@@ -399,7 +399,7 @@ class TestFence:
         assert record.alarm == "the last pose of the localisation is unusable: (nan, 1.0) is not a position"
         comes_to(Status.SUCCESS, 1.0)
 
-    def test_between_two_poses_of_the_localisation_the_odometry_says_where_it_is(
+    def test_odometry_updates_position_between_localisation_poses(
         self, ros: Any, record: MissionRecord
     ) -> None:
         from geometry_msgs.msg import TransformStamped
@@ -411,7 +411,7 @@ class TestFence:
             node.create_publisher(TFMessage, "/tf", 10),
             node.create_publisher(Odometry, "odometry/filtered", 10),
         )
-        leaf = fenced(ros, record)
+        leaf = geofence_condition(ros, record)
         frame, measured = TransformStamped(child_frame_id="odom"), Odometry(child_frame_id="base_link")
         frame.header.frame_id, measured.header.frame_id = "map", "odom"
         frame.transform.translation.x, frame.transform.translation.y = 1.5, 1.0
@@ -427,16 +427,16 @@ class TestFence:
         assert record.alarm == "the robot is at (2.10, 1.00), outside the geofence"
 
 
-def fenced(ros: Any, record: MissionRecord) -> InsideFence:
-    """Return the condition on a fence of 2 m by 2 m, on a node."""
+def geofence_condition(ros: Any, record: MissionRecord) -> InsideFence:
+    """Return the condition for a geofence of 2 m by 2 m, set up on a node."""
     leaf = InsideFence("Inside?", Geofence([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]), record=record)
     leaf.setup(node=ros.node("mission"))
     return leaf
 
 
 @pytest.mark.ros
-class TestOrders:
-    """The services on the mission's node, called as an operator would."""
+class TestOperatorCommands:
+    """The command services of the mission's node."""
 
     @pytest.fixture
     def orders(self) -> OperatorCommands:
@@ -449,7 +449,7 @@ class TestOrders:
         )  # fmt: skip
 
     @pytest.fixture
-    def held(self, ros: Any, orders: OperatorCommands, zones: ZoneManager, record: MissionRecord) -> Any:
+    def not_held(self, ros: Any, orders: OperatorCommands, zones: ZoneManager, record: MissionRecord) -> Any:
         fence = Geofence([(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)])
         Search(zones, record, orders=orders)
         leaf = NotHeld("NotHeld?", orders, zones, fence=fence, record=record)
@@ -471,31 +471,31 @@ class TestOrders:
         response = answer.result()
         return response.success, response.message
 
-    def test_pause_holds_and_resume_lets_go(self, ros: Any, held: NotHeld) -> None:
-        assert held.update() is Status.SUCCESS
+    def test_pause_command_pauses_and_resume_command_resumes(self, ros: Any, not_held: NotHeld) -> None:
+        assert not_held.update() is Status.SUCCESS
         assert self.call(ros, "pause") == (True, "done")
-        assert [held.update(), held.update()] == [Status.FAILURE] * 2
-        assert held.outcome_label == "held"
+        assert [not_held.update(), not_held.update()] == [Status.FAILURE] * 2
+        assert not_held.outcome_label == "held"
         assert self.call(ros, "resume") == (True, "done")
-        assert held.update() is Status.SUCCESS
+        assert not_held.update() is Status.SUCCESS
 
-    def test_a_skipped_zone_is_given_up_and_the_mission_looks_at_its_plan_anew(
-        self, ros: Any, held: NotHeld, zones: ZoneManager, record: MissionRecord
+    def test_skipped_zone_is_abandoned_and_plan_is_reevaluated(
+        self, ros: Any, not_held: NotHeld, zones: ZoneManager, record: MissionRecord
     ) -> None:
         assert self.call(ros, "skip_zone") == (True, "done")
         assert zones.current_zone()["id"] == "zone_b"
         assert "zone_a was abandoned: skipped by the operator." in record.shortfalls(zones)
-        assert held.update() is Status.FAILURE
-        assert held.outcome_label == "zone skipped"
-        assert held.update() is Status.SUCCESS
+        assert not_held.update() is Status.FAILURE
+        assert not_held.outcome_label == "zone skipped"
+        assert not_held.update() is Status.SUCCESS
 
-    def test_without_a_zone_there_is_nothing_to_skip(
-        self, ros: Any, held: NotHeld, zones: ZoneManager
+    def test_skip_without_remaining_zone_is_refused(
+        self, ros: Any, not_held: NotHeld, zones: ZoneManager
     ) -> None:
         zones.abandon()
         zones.abandon()
         assert self.call(ros, "skip_zone") == (False, "no zone is left")
-        assert held.update() is Status.SUCCESS
+        assert not_held.update() is Status.SUCCESS
 
     def place(self, x: float = 1.0, y: float = 2.0, frame: str = "map") -> Any:
         from geometry_msgs.msg import PoseStamped
@@ -506,19 +506,19 @@ class TestOrders:
         message.pose.orientation.z = message.pose.orientation.w = 0.5**0.5
         return message
 
-    def test_a_zone_that_is_added_comes_last(self, ros: Any, held: NotHeld, zones: ZoneManager) -> None:
+    def test_added_zone_comes_last(self, ros: Any, not_held: NotHeld, zones: ZoneManager) -> None:
         assert self.call(ros, "add_zone", zone_id="zone_e", pose=self.place()) == (True, "done")
         added = zones.remaining_zones()[-1]
         assert added == {"id": "zone_e", "x": 1.0, "y": 2.0, "yaw": pytest.approx(1.5708, abs=1e-3)}
-        assert held.update() is Status.SUCCESS
+        assert not_held.update() is Status.SUCCESS
 
-    def test_a_zone_that_is_added_on_the_way_home_turns_the_mission_round(
-        self, ros: Any, held: NotHeld, zones: ZoneManager
+    def test_zone_added_during_return_home_becomes_current_zone(
+        self, ros: Any, not_held: NotHeld, zones: ZoneManager
     ) -> None:
         zones.select_next_zone()
         zones.select_next_zone()
         self.call(ros, "add_zone", zone_id="zone_e", pose=self.place())
-        assert [held.update(), held.update()] == [Status.FAILURE, Status.SUCCESS]
+        assert [not_held.update(), not_held.update()] == [Status.FAILURE, Status.SUCCESS]
         assert zones.current_zone()["id"] == "zone_e"
 
     @pytest.mark.parametrize(
@@ -531,8 +531,8 @@ class TestOrders:
             ("zone_e", 20.0, "map", "(20.00, 2.00) is outside the geofence"),
         ],
     )
-    def test_a_zone_that_cannot_be_searched_is_refused(
-        self, ros: Any, held: NotHeld, zones: ZoneManager, zone_id: str, x: float, frame: str, said: str
+    def test_invalid_zone_is_refused(
+        self, ros: Any, not_held: NotHeld, zones: ZoneManager, zone_id: str, x: float, frame: str, said: str
     ) -> None:
         assert self.call(ros, "add_zone", zone_id=zone_id, pose=self.place(x, frame=frame)) == (False, said)
         assert len(zones.remaining_zones()) == 2
@@ -544,7 +544,7 @@ class TestOrders:
             (NotRecalled, "go_home", "the robot was called home by the operator"),
         ],
     )
-    def test_an_order_that_cuts_the_mission_short_ends_a_hold(
+    def test_abort_or_go_home_ends_pause(
         self, ros: Any, orders: OperatorCommands, record: MissionRecord, make: Any, verb: str, said: str
     ) -> None:
         leaf = make("Condition?", orders, record=record)
@@ -560,11 +560,11 @@ class TestOrders:
 
 @pytest.mark.ros
 class TestStandstill:
-    """`AwaitStandstill` beside a robot that moves as the test says."""
+    """`AwaitStandstill` with a robot whose motion the test controls."""
 
     @pytest.fixture
     def robot(self, ros: Any, monkeypatch: pytest.MonkeyPatch) -> Robot:
-        # Else odometry becomes old while this process waits for a processor, and a robot without it counts as one that stands.
+        # Otherwise odometry becomes old while this process waits for a processor, and a robot without odometry counts as standing.
         monkeypatch.setattr("sar_compiler.ros.robot_estimate._FRESH_SEC", math.inf)
         return Robot(ros)
 
@@ -574,41 +574,39 @@ class TestStandstill:
         leaf.setup(node=robot.node, wake=lambda: None)
         return leaf
 
-    def test_it_waits_until_the_odometry_says_that_the_robot_stands(
-        self, robot: Robot, leaf: AwaitStandstill
-    ) -> None:
+    def test_wait_ends_when_odometry_reports_standstill(self, robot: Robot, leaf: AwaitStandstill) -> None:
         robot.speed = 0.25
         robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
-        assert (ticked(leaf), leaf.feedback_message) == (Status.RUNNING, "waiting for the robot to stop")
+        assert (tick_once(leaf), leaf.feedback_message) == (Status.RUNNING, "waiting for the robot to stop")
         robot.speed = 0.0
         robot.ros.spin_until(lambda: robot.estimate.is_standing, "its stop")
-        assert (ticked(leaf), leaf.feedback_message) == (Status.SUCCESS, "")
+        assert (tick_once(leaf), leaf.feedback_message) == (Status.SUCCESS, "")
 
-    def test_it_waits_no_longer_than_the_settle_timeout_and_says_that_the_robot_moves(
+    def test_wait_ends_at_settle_timeout_with_warning(
         self, robot: Robot, leaf: AwaitStandstill, said: Said
     ) -> None:
-        clock = drive_on(robot, limit_sec=0.2)
-        assert ticked(leaf) is Status.RUNNING
+        clock = keep_driving(robot, limit_sec=0.2)
+        assert tick_once(leaf) is Status.RUNNING
         clock.advance(0.2)
-        assert ticked(leaf) is Status.SUCCESS
+        assert tick_once(leaf) is Status.SUCCESS
         assert said.has(
             "'Rest': the robot still moves (0.25 m/s, 0.00 rad/s) 0.2 s after the command to stop."
         )
 
-    def test_a_settle_timeout_that_passes_within_a_tick_is_reported_as_well(
+    def test_settle_timeout_within_tick_is_reported(
         self, robot: Robot, leaf: AwaitStandstill, said: Said
     ) -> None:
-        drive_on(robot, limit_sec=0.2)
+        keep_driving(robot, limit_sec=0.2)
         robot.estimate.clock = SimpleNamespace(now=partial(next, count(0.0, 0.15)))
-        robot.ros.spin_until(lambda: ticked(leaf) is Status.SUCCESS, "the end of its patience")
+        robot.ros.spin_until(lambda: tick_once(leaf) is Status.SUCCESS, "the end of its patience")
         assert said.has("'Rest': the robot still moves")
 
-    def test_a_robot_that_does_not_come_to_rest_is_told_of_once_at_whatever_speeds(
+    def test_moving_robot_is_reported_once_at_any_speed(
         self, robot: Robot, leaf: AwaitStandstill, said: Said
     ) -> None:
         from sar_compiler.ros.robot_estimate import Standstill
 
-        clock = drive_on(robot, limit_sec=0.2)
+        clock = keep_driving(robot, limit_sec=0.2)
         rest = Standstill(leaf, lambda: None, "the end of its goal")
         assert rest.is_awaited()
         clock.advance(0.2)
@@ -620,14 +618,14 @@ class TestStandstill:
         robot.ros.spin_until(lambda: said.has("the end"), "the last line")
         assert len([line for line in said.lines() if "still moves" in line]) == 1
 
-    def test_a_wait_that_is_interrupted_requests_no_tick_any_more(self, robot: Robot) -> None:
+    def test_interrupted_wait_requests_no_tick(self, robot: Robot) -> None:
         ticks: list[None] = []
         leaf = AwaitStandstill("Rest")
         leaf.setup(node=robot.node, wake=lambda: ticks.append(None))
         leaf.stop(Status.INVALID)
         robot.speed = 0.25
         robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
-        assert ticked(leaf) is Status.RUNNING
+        assert tick_once(leaf) is Status.RUNNING
         leaf.stop(Status.INVALID)
         others: list[None] = []
         robot.estimate.call_at_standstill(lambda: others.append(None))
@@ -635,42 +633,42 @@ class TestStandstill:
         robot.ros.spin_until(lambda: others, "its stop")
         assert ticks == []
 
-    def test_a_robot_that_stands_is_waited_for_while_any_goal_may_be_active(
+    def test_standing_robot_is_awaited_while_goal_may_be_active(
         self, robot: Robot, leaf: AwaitStandstill
     ) -> None:
         goal = robot.drive()
         assert robot.estimate.is_standing
-        assert ticked(leaf) is Status.RUNNING
+        assert tick_once(leaf) is Status.RUNNING
         robot.end(goal)
-        assert ticked(leaf) is Status.SUCCESS
+        assert tick_once(leaf) is Status.SUCCESS
 
-    def test_without_odometry_the_end_of_the_goals_counts(
+    def test_wait_without_odometry_ends_with_goals(
         self, robot: Robot, leaf: AwaitStandstill, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr("sar_compiler.ros.robot_estimate._FRESH_SEC", 0.0)
         robot.speed = None
         robot.ros.spin_until(lambda: robot.estimate.moves is None, "the silence")
         goal = robot.drive()
-        assert ticked(leaf) is Status.RUNNING
+        assert tick_once(leaf) is Status.RUNNING
         robot.end(goal)
-        assert ticked(leaf) is Status.SUCCESS
+        assert tick_once(leaf) is Status.SUCCESS
 
 
-def drive_on(robot: Robot, limit_sec: float) -> ManualClock:
-    """Have the robot move, and return the clock by which its settle timeout passes."""
+def keep_driving(robot: Robot, limit_sec: float) -> ManualClock:
+    """Let the robot move; return the clock for its settle timeout."""
     robot.estimate.clock = clock = ManualClock()
     robot.speed, robot.estimate.settle_timeout_sec = 0.25, limit_sec
     robot.ros.spin_until(lambda: robot.estimate.moves, "the movement")
     return clock
 
 
-def ticked(leaf: AwaitStandstill) -> Status:
+def tick_once(leaf: AwaitStandstill) -> Status:
     leaf.tick_once()
     return leaf.status
 
 
 @pytest.mark.ros
-def test_base_is_lost_when_it_was_away_for_longer_than_the_patience(ros: Any, record: MissionRecord) -> None:
+def test_base_is_lost_after_being_away_longer_than_patience(ros: Any, record: MissionRecord) -> None:
     from sar_interfaces.srv import ReportSurvivor
 
     base, clock = ros.node("base"), ManualClock()
@@ -693,7 +691,7 @@ def test_base_is_lost_when_it_was_away_for_longer_than_the_patience(ros: Any, re
 
 
 @pytest.mark.ros
-def test_the_operator_holds_skips_and_calls_home_a_flight(start: Any, ros: Any) -> None:
+def test_operator_pauses_skips_and_calls_home_running_mission(start: Any, ros: Any) -> None:
     from std_srvs.srv import Trigger
 
     run = start(
@@ -734,7 +732,7 @@ def test_the_operator_holds_skips_and_calls_home_a_flight(start: Any, ros: Any) 
 
 
 @pytest.mark.ros
-def test_a_robot_that_leaves_its_fence_is_stopped_where_it_is(start: Any) -> None:
+def test_robot_that_leaves_geofence_is_stopped(start: Any) -> None:
     run = start(
         "sar-run", "search_and_rescue_guarded", "--sim", "--speed", 10, "--ros-args", "-p",
         "zone_order:=[zone_b]", "-p", "geofence:=[-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0]",

@@ -1,4 +1,4 @@
-"""A goal is over when its end was seen, or said not to be; and what is not its fault costs no attempt."""
+"""Tests of the end of goals: it is observed or reported as unknown, and faults of the navigation cost a zone no attempt."""
 
 import signal
 from html import unescape
@@ -18,7 +18,7 @@ LOST = "The robot may still be moving"
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("cancel", ["ignore", "refuse", "mute"])
-def test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4(fly, serve, cancel, number):
+def test_run_stopped_with_unending_goal_reports_it_and_exits_with_4(fly, serve, cancel, number):
     navigation = serve("navigation", goals=[{"drive": None, "cancel": cancel}])
     run = fly(settle_timeout_sec=1.0)
     navigation.wait_for("accepted")
@@ -28,7 +28,7 @@ def test_a_run_that_is_stopped_while_its_goal_goes_on_says_so_and_ends_with_4(fl
     assert navigation.active == 1
 
 
-def test_a_goal_that_was_accepted_after_the_signal_is_canceled_while_its_end_is_awaited(fly, serve):
+def test_goal_accepted_after_signal_is_canceled(fly, serve):
     navigation = serve("navigation", goals=[{"drive": None, "accept_after": 2.0}])
     run = fly()
     navigation.wait_for("goal")
@@ -37,7 +37,7 @@ def test_a_goal_that_was_accepted_after_the_signal_is_canceled_while_its_end_is_
     assert navigation.wait_for("ended")["how"] == "cancel"
 
 
-def test_a_goal_that_may_still_be_accepted_when_the_run_ends_is_told(fly, serve):
+def test_goal_still_awaiting_acceptance_at_end_is_reported(fly, serve):
     navigation = serve("navigation", goals=[{"drive": None, "accept_after": 4.0}])
     run = fly(settle_timeout_sec=1.0)
     navigation.wait_for("goal")
@@ -46,7 +46,7 @@ def test_a_goal_that_may_still_be_accepted_when_the_run_ends_is_told(fly, serve)
     assert STILL_MOVING in run.output
 
 
-def test_a_frozen_server_may_still_hold_its_goal(fly, serve):
+def test_run_with_frozen_server_exits_with_4(fly, serve):
     navigation = serve("navigation", goals=[{"drive": None}])
     run = fly(settle_timeout_sec=1.0)
     navigation.wait_for("accepted")
@@ -56,7 +56,7 @@ def test_a_frozen_server_may_still_hold_its_goal(fly, serve):
 
 
 @pytest.mark.parametrize("tree", ["search_and_rescue", RESILIENT])
-def test_a_result_that_is_lost_is_known_by_the_status_topic(fly, serve, tree):
+def test_lost_result_is_read_from_status_topic(fly, serve, tree):
     navigation = serve("navigation", goals=[{"result": "lose", "feedback": False}, {}])
     run = fly(tree)
     assert run.end() == 0, run.output
@@ -68,14 +68,14 @@ def test_a_result_that_is_lost_is_known_by_the_status_topic(fly, serve, tree):
 
 
 def wait_until_heard(navigation, how):
-    """Wait until a server has sent or answered something since it accepted the goal; it may have been asked before."""
+    """Wait until the mission has received a message of the server after the goal was accepted."""
     navigation.wait_for("accepted")
-    # It has done so by the time that the next comes.
+    # When the second further event occurs, the mission has received the first one.
     navigation.wait_for(how, times=len(navigation.of(how)) + 2)
 
 
 @pytest.mark.parametrize("feedback", [True, False])
-def test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_not(fly, serve, feedback):
+def test_killed_server_is_detected_with_and_without_feedback(fly, serve, feedback):
     navigation = serve("navigation", goals=[{"drive": None, "feedback": feedback}])
     run = fly(RESILIENT)
     wait_until_heard(navigation, "feedback" if feedback else "asked")
@@ -84,9 +84,7 @@ def test_a_killed_server_is_noticed_by_its_silence_whether_it_sent_feedback_or_n
     run.wait_for(f"the server has {quiet if feedback else 'not responded for 10 s'}. {LOST}")
 
 
-def test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its_silence_is_noticed(
-    fly, serve
-):
+def test_killed_server_leaves_graph_early_with_shipped_profile(fly, serve):
     env = {"FASTRTPS_DEFAULT_PROFILES_FILE": "config/fastdds_profile.xml"}
     navigation = serve("navigation", env, goals=[{"drive": None, "feedback": False}])
     run = fly(RESILIENT, env=env)
@@ -96,7 +94,7 @@ def test_with_the_shipped_profile_a_killed_server_is_out_of_the_graph_before_its
     assert "answered nothing" not in run.output
 
 
-def test_a_goal_that_an_inactive_server_rejected_is_sent_again_once_it_is_active(fly, serve):
+def test_goal_rejected_by_inactive_server_is_sent_again_once_active(fly, serve):
     navigation = serve("navigation")
     run = fly(RESILIENT, zones=("zone_a", "zone_b"))
     navigation.wait_for("accepted")
@@ -108,8 +106,8 @@ def test_a_goal_that_an_inactive_server_rejected_is_sent_again_once_it_is_active
     assert len(navigation.of("rejected")) == 1
 
 
-def test_a_goal_that_another_client_took_over_is_sent_again_when_that_one_has_arrived(fly, serve):
-    """As Nav2 has it: the first goal is aborted, without a code, when the second is accepted."""
+def test_goal_preempted_by_other_client_is_sent_again_after_its_end(fly, serve):
+    """Like Nav2, the server aborts the first goal without an error code when it accepts the second one."""
     from tests.faults.other_client import OtherClient
 
     navigation = serve("navigation", goals=[{"drive": None}, {"drive": 1.0}, {}], preempts=True)
@@ -124,7 +122,7 @@ def test_a_goal_that_another_client_took_over_is_sent_again_when_that_one_has_ar
     assert hows == {1: "abort", 2: "succeed", 3: "succeed", 4: "succeed"}
 
 
-def test_a_goal_outside_the_map_is_not_sent_twice(fly, serve):
+def test_goal_outside_map_is_not_sent_twice(fly, serve):
     navigation = serve("navigation", goals=[{"drive": 0.0, "end": "abort", "code": 204}])
     run = fly(RESILIENT)
     run.wait_for("zone_a is postponed after attempt 1 of 3.")
@@ -133,7 +131,7 @@ def test_a_goal_outside_the_map_is_not_sent_twice(fly, serve):
     run.stop(within_sec=5.0)
 
 
-def test_a_rehearsed_server_that_stays_dead_ends_the_mission_as_the_tree_says(start):
+def test_simulated_server_that_stays_dead_abandons_zone(start):
     ros = ("--ros-args", "-p", "zone_order:=[zone_b]")
     run = start("sar-run", RESILIENT, "--sim", "--speed", 20, "--fault", "navigate_to_pose:die@zone_b", *ros)
     assert run.end() == 1, run.output
@@ -142,7 +140,7 @@ def test_a_rehearsed_server_that_stays_dead_ends_the_mission_as_the_tree_says(st
     assert "time limit" not in run.output
 
 
-def test_a_robot_that_drives_on_after_an_abort_is_stopped_before_the_next_attempt(fly, serve):
+def test_robot_driving_after_aborted_goal_is_stopped_before_next_attempt(fly, serve):
     drives_on = {"drive": 0.5, "end": "abort", "code": 105, "drives_on": 60.0}
     navigation = serve("navigation", odometry=True, goals=[drives_on, {}])
     run = fly(RESILIENT, settle_timeout_sec=30.0)
@@ -156,7 +154,7 @@ def test_a_robot_that_drives_on_after_an_abort_is_stopped_before_the_next_attemp
 
 
 @pytest.mark.parametrize(("runs_away", "status"), [(False, 130), (True, 4)])
-def test_a_run_ends_when_the_robot_stands_and_with_4_if_it_does_not(fly, serve, runs_away, status):
+def test_stopped_run_waits_for_standstill_and_exits_with_4_otherwise(fly, serve, runs_away, status):
     goals = [{"drive": None, "drives_on": 60.0}]
     navigation = serve("navigation", odometry=True, runs_away=runs_away, goals=goals)
     run = fly(settle_timeout_sec=8.0 if runs_away else 30.0)
@@ -169,7 +167,7 @@ def test_a_run_ends_when_the_robot_stands_and_with_4_if_it_does_not(fly, serve, 
     assert (still in run.output) is runs_away
 
 
-def test_a_navigation_server_that_dies_and_comes_back_costs_no_attempt(fly, serve):
+def test_restarted_navigation_server_costs_no_attempt(fly, serve):
     dies = serve("navigation", goals=ENDLESS)
     run = fly(RESILIENT, zones=("zone_a", "zone_b"))
     dies.wait_for("feedback")
@@ -180,9 +178,7 @@ def test_a_navigation_server_that_dies_and_comes_back_costs_no_attempt(fly, serv
     assert "postponed" not in run.output
 
 
-def test_a_navigation_server_that_stays_dead_ends_the_mission_and_no_zone_is_given_up_for_itself(
-    fly, serve, tmp_path
-):
+def test_dead_navigation_server_ends_mission_without_postponing_zones(fly, serve, tmp_path):
     impatient = 'feedback_timeout_sec="2" acceptance_timeout_sec="1" hold_timeout_sec="3"'
     text = Path("trees/search_and_rescue_resilient.xml").read_text()
     text = text.replace("<NavigateToZone/>", f"<NavigateToZone {impatient}/>").replace(
@@ -200,7 +196,7 @@ def test_a_navigation_server_that_stays_dead_ends_the_mission_and_no_zone_is_giv
     assert "zone_a and zone_b were abandoned: navigation is unavailable (" in run.output
 
 
-def test_a_goal_that_was_sent_to_a_dead_server_is_over_when_another_server_does_not_know_it(fly, serve):
+def test_goal_of_dead_server_is_over_if_new_server_does_not_know_it(fly, serve):
     dead = serve("navigation", goals=[{}])
     run = fly(RESILIENT, zones=("zone_a", "zone_b"), survivors={"detect": [{"outcome": False}, {}]})
     dead.wait_for("ended")
@@ -211,7 +207,7 @@ def test_a_goal_that_was_sent_to_a_dead_server_is_over_when_another_server_does_
     assert "the robot may still be moving: " not in run.output
 
 
-def test_a_goal_without_an_error_code_costs_its_zone_no_attempt(fly, serve):
+def test_goal_aborted_without_error_code_costs_no_attempt(fly, serve):
     late = {"drive": 0.0, "end": "abort", "says": "Timed out while waiting for action server"}
     serve("navigation", goals=[late, late, {}])
     run = fly(RESILIENT)
@@ -220,7 +216,7 @@ def test_a_goal_without_an_error_code_costs_its_zone_no_attempt(fly, serve):
     assert "failed:" not in run.output
 
 
-def test_a_server_that_hears_nothing_of_the_client_is_asked_with_another_one(fly, serve):
+def test_unresponsive_server_is_contacted_by_new_client(fly, serve):
     navigation = serve("navigation", deaf=True)
     run = fly(RESILIENT)
     run.wait_for(
@@ -230,7 +226,7 @@ def test_a_server_that_hears_nothing_of_the_client_is_asked_with_another_one(fly
     assert len(navigation.of("unanswered")) == 2
 
 
-def test_what_nav2_says_itself_of_an_abort_is_the_reason_everywhere(fly, serve, tmp_path):
+def test_nav2_message_about_abort_is_the_reason_everywhere(fly, serve, tmp_path):
     serve("navigation", goals=[{"end": "abort", "code": 105, "says": "Failed to make progress"}, {}])
     journal, reports = tmp_path / "run.journal", [tmp_path / f"run.{form}" for form in ("json", "html")]
     asked = [word for report in reports for word in ("--report", report)]

@@ -1,4 +1,4 @@
-"""A guardian says what it has seen of the goals of a mission that has died, and one that dies itself is replaced."""
+"""Tests of the guardian: it reports the end of the goals of a crashed mission, and is replaced if it crashes itself."""
 
 import os
 import re
@@ -14,13 +14,13 @@ GONE = "the mission's process has ended"
 REPLACED = "the guardian process has ended unexpectedly (by SIGKILL). A new guardian is started"
 
 
-def told_deaths(run):
+def count_deaths(run):
     return len(re.findall("the guardian process has ended", run.output))
 
 
 @pytest.fixture
-def driving(serve, fly):
-    """Start a mission with a guardian, and wait until its first goal is under way."""
+def start_driving(serve, fly):
+    """Return a function that starts a mission with a guardian and waits until its first goal is accepted."""
 
     def start_mission(**manner):
         server = serve("navigation", goals=[{"drive": None, **manner}])
@@ -31,8 +31,8 @@ def driving(serve, fly):
     return start_mission
 
 
-def test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled(driving):
-    server, run = driving()
+def test_guardian_waits_for_end_of_canceled_goal(start_driving):
+    server, run = start_driving()
     run.send(signal.SIGKILL)
     server.wait_for("ended", how="cancel")
     run.wait_for(
@@ -43,8 +43,8 @@ def test_it_waits_for_the_end_of_the_goal_that_it_has_cancelled(driving):
 @pytest.mark.parametrize(
     "manner", ["ignore", *(pytest.param(manner, marks=pytest.mark.costly) for manner in ("refuse", "mute"))]
 )
-def test_a_goal_that_does_not_end_is_told_to_be_under_way(driving, manner):
-    server, run = driving(cancel=manner)
+def test_unending_goal_is_reported_as_possible_motion(start_driving, manner):
+    server, run = start_driving(cancel=manner)
     run.send(signal.SIGKILL)
     run.wait_for(
         f"{GONE}, and the server of /navigate_to_pose has not ended the goal. The robot may still be moving"
@@ -53,8 +53,8 @@ def test_a_goal_that_does_not_end_is_told_to_be_under_way(driving, manner):
     assert "was requested to cancel" not in run.output
 
 
-def test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way(driving):
-    server, run = driving()
+def test_killed_guardian_is_replaced_and_new_one_knows_active_goal(start_driving):
+    server, run = start_driving()
     (first,) = children_of(run.pid)
     os.kill(first, signal.SIGKILL)
     run.wait_for(REPLACED)
@@ -63,12 +63,12 @@ def test_one_that_is_killed_is_replaced_and_the_new_one_knows_the_goal_under_way
     run.wait_for(f"{GONE}: the server of /navigate_to_pose was requested")
 
 
-def test_one_that_cannot_live_is_given_up_and_the_mission_goes_on(driving):
-    server, run = driving()
+def test_repeatedly_killed_guardian_is_not_replaced_and_mission_continues(start_driving):
+    server, run = start_driving()
     for deaths in (1, 2, 3):
         (guardian,) = run.wait_until(lambda: children_of(run.pid), "a guardian")
         os.kill(guardian, signal.SIGKILL)
-        run.wait_until(lambda deaths=deaths: told_deaths(run) == deaths, "the word of its end")
+        run.wait_until(lambda deaths=deaths: count_deaths(run) == deaths, "the word of its end")
     run.wait_for(
         "the guardian process has ended again (by SIGKILL). No new guardian is started. Goals are no longer canceled if this process crashes"
     )

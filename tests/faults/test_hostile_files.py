@@ -1,7 +1,7 @@
-"""Every reader of files, fed with everything that is no file, lies elsewhere, is exchanged, or is more than anybody writes.
+"""Tests of every reader of files with paths that are no files, are elsewhere or are replaced, and with extreme content.
 
-A surface is a way to have a file read; `SURFACES` has one or more for each reader of the package, so that `tests/test_house.py` is red
-of a new reader until it is here. Nothing of a file elsewhere is ever shown, nothing blocks, and nothing ends with a traceback.
+A surface is a way to make the package read a file. `SURFACES` has at least one for each reader: `tests/test_house.py` fails
+for a reader without one. No content of a file elsewhere is ever shown, nothing blocks, and nothing ends with a traceback.
 """
 
 import asyncio
@@ -52,12 +52,12 @@ _MOST_SEC = 60
 
 
 def command(*words: str) -> Callable[[str], int]:
-    """Return what runs `sar-compile` with the path of a file for `{}`."""
+    """Return a function that runs `sar-compile` with the path of a file for `{}`."""
     return lambda path: compile_command([word.replace("{}", path) for word in words])
 
 
-def told(read: Callable[[], object]) -> int:
-    """Return the status of a command that does nothing but to read something."""
+def status_of(read: Callable[[], object]) -> int:
+    """Return the exit status of a command that only reads a file."""
     try:
         read()
     except SarError as error:
@@ -66,8 +66,8 @@ def told(read: Callable[[], object]) -> int:
     return 0
 
 
-def named_by(file: str, text: str, then: Callable[[str], int]) -> Callable[[str], int]:
-    """Return what writes the path into a file, as JSON has it, and then reads that one."""
+def read_via(file: str, text: str, then: Callable[[str], int]) -> Callable[[str], int]:
+    """Return a function that writes the path into a file as JSON, and then reads that file."""
 
     def read(path: str) -> int:
         Path(file).write_text(text.replace("{}", json.dumps(path)), encoding="utf-8")
@@ -76,8 +76,8 @@ def named_by(file: str, text: str, then: Callable[[str], int]) -> Callable[[str]
     return read
 
 
-def under(place: str | Callable[[], Path], then: Callable[[], int]) -> Callable[[str], int]:
-    """Return what moves the file to the one place at which it is read, and reads it."""
+def read_at(place: str | Callable[[], Path], then: Callable[[], int]) -> Callable[[str], int]:
+    """Return a function that links the file to the fixed path from which it is read, and reads it."""
 
     def read(path: str) -> int:
         there = Path(place) if isinstance(place, str) else place()
@@ -90,14 +90,14 @@ def under(place: str | Callable[[], Path], then: Callable[[], int]) -> Callable[
     return read
 
 
-def map_of_the_world() -> None:
-    """Read a world, and the map that it names."""
+def read_map_of_world() -> None:
+    """Read a world and the map that it names."""
     path = load_world(Path("world.yaml")).map_path
     assert path is not None
     read_map(path)
 
 
-def areas(path: str) -> int:
+def read_areas(path: str) -> int:
     """Begin a mission whose parameter file names a file of areas."""
     Path("params.yaml").write_text(
         f"/**: {{ros__parameters: {{areas_file: {json.dumps(path)}, georeference: {{lat: 1.0, lon: 1.0, heading: 0.0}}}}}}\n",
@@ -106,34 +106,34 @@ def areas(path: str) -> int:
     return compile_command(["simulate", "mission.xml", "--params", "params.yaml"])
 
 
-def journal_with(suffix: str) -> Callable[[str], int]:
-    """Return what reads a journal beside which lies the file."""
+def read_journal_beside(suffix: str) -> Callable[[str], int]:
+    """Return a function that reads a journal with the file beside it."""
 
     def read(path: str) -> int:
         if not Path("good.journal").exists():
             kept = open_journal(Path("good.journal"))
             fly(kept, 0, 20, clock=ManualClock(0.0), is_ended=True)
             kept.close()
-        return under(f"good.journal{suffix}", lambda: journal_command(["show", "good.journal"]))(path)
+        return read_at(f"good.journal{suffix}", lambda: journal_command(["show", "good.journal"]))(path)
 
     return read
 
 
-def approved(path: str) -> int:
-    """Read an approval in whose place the file is."""
-    return under(lambda: approval_folder() / "a.json", lambda: compile_command(["approve", "--list"]))(path)
+def read_approval(path: str) -> int:
+    """Read the file as an approval."""
+    return read_at(lambda: approval_folder() / "a.json", lambda: compile_command(["approve", "--list"]))(path)
 
 
-def trusted(path: str) -> int:
-    """Trust a configuration beside whose modules lies the file."""
-    return under(
+def trust_module(path: str) -> int:
+    """Trust a configuration with the file as a module."""
+    return read_at(
         "gripper/inner.py",
-        lambda: told(lambda: ConfigurationCode.from_configuration(Path("sar.toml"), ["gripper"])),
+        lambda: status_of(lambda: ConfigurationCode.from_configuration(Path("sar.toml"), ["gripper"])),
     )(path)
 
 
-def package(path: str) -> int:
-    """Name a package without leaves, of whose modules one is the file: its text is searched for leaves."""
+def load_package(path: str) -> int:
+    """Load a package without leaves that has the file as a module, whose text is searched for leaves."""
     Path("plain").mkdir(exist_ok=True)
     Path("plain/__init__.py").write_text("", encoding="utf-8")
 
@@ -141,18 +141,19 @@ def package(path: str) -> int:
         with suppress(RegistryError):
             load_registry(["plain"])
 
-    return under("plain/other.py", lambda: told(look))(path)
+    return read_at("plain/other.py", lambda: status_of(look))(path)
 
 
-def metadata(path: str) -> int:
-    """Look for installed leaves where the file is an entry_points.txt."""
-    return under(
-        "site/x-1.dist-info/entry_points.txt", lambda: told(lambda: list(entry_points("sar_compiler.nodes")))
+def read_metadata(path: str) -> int:
+    """Search for installed leaves with the file as entry_points.txt."""
+    return read_at(
+        "site/x-1.dist-info/entry_points.txt",
+        lambda: status_of(lambda: list(entry_points("sar_compiler.nodes"))),
     )(path)
 
 
-def edit(path: str, text: str) -> int:
-    """Have the language server check a text that an editor has open under the name of a file; print its findings, and what it shows."""
+def check_in_editor(path: str, text: str) -> int:
+    """Let the language server check a text that is open under a file's name; print its findings and messages."""
     pytest.importorskip("pygls")  # an extra
     from pygls.workspace import Workspace
 
@@ -164,7 +165,7 @@ def edit(path: str, text: str) -> int:
     async def session() -> None:
         server: Any = tree_server("1", CommandLineSettings(), [], [], Budget)
         server.protocol._workspace = Workspace(None)
-        # The other side of the conversation is not there.
+        # There is no client.
         server.window_show_message = lambda params: shown.append(params.message)
         server.window_log_message = server.text_document_publish_diagnostics = lambda _: None
         uri = f"file://{quote(str(Path.cwd() / path))}"
@@ -181,20 +182,20 @@ def edit(path: str, text: str) -> int:
     return 1 if shown else 0
 
 
-def typed(path: str) -> int:
-    """Have an editor open a file, whatever that is: what it sends is the text, which nobody reads again."""
-    return edit(path, Path(path).read_bytes().decode(errors="replace") if is_file(path) else TREE)
+def open_in_editor(path: str) -> int:
+    """Let an editor open a file: it sends the text, so the server does not read the file."""
+    return check_in_editor(path, Path(path).read_bytes().decode(errors="replace") if is_file(path) else TREE)
 
 
 class Surface(NamedTuple):
-    """A way to have a file read.
+    """A way to make the package read a file.
 
     Attributes:
         readers: The functions that read it.
-        read: Has the file of a path read, and returns an exit status.
-        form: What its content is.
-        has_root: Whether the file that names it keeps it in its folder.
-        is_sought: Whether a file that cannot be read is passed over, because nobody has named it.
+        read: Makes the package read the file of a path, and returns an exit status.
+        form: The form of its content.
+        has_root: Whether the file must be in the folder of the file that names it.
+        is_sought: Whether an unreadable file is skipped, because the user has not named it.
     """
 
     readers: tuple[str, ...]
@@ -213,43 +214,43 @@ SURFACES = {
     "a tree that is formatted": Surface(("cli/format.py:_rewrite",), command("format", "{}"), "xml"),
     "a tree that is fixed": Surface(("validation/validation.py:_write",), command("validate", "--fix", "{}"), "xml"),
     "an included tree": Surface(
-        (TREES,), named_by("main.xml", INCLUDING, command("validate", "main.xml")), "xml", has_root=True,
+        (TREES,), read_via("main.xml", INCLUDING, command("validate", "main.xml")), "xml", has_root=True,
     ),
     "a palette": Surface((TREES,), command("validate", "tree.xml", "--model", "{}"), "xml"),
     "a palette of the settings": Surface(
-        (TREES,), named_by("sar.toml", "models = [{}]\n", command("validate", "tree.xml")), "xml", has_root=True
+        (TREES,), read_via("sar.toml", "models = [{}]\n", command("validate", "tree.xml")), "xml", has_root=True
     ),
     "a tree of a set": Surface(
         (TREES, "project/project.py:Project._set_files"),
-        named_by("sar.toml", "[project]\ntrees = [{}]\n", command("validate", "lacking.xml")), "xml", has_root=True,
+        read_via("sar.toml", "[project]\ntrees = [{}]\n", command("validate", "lacking.xml")), "xml", has_root=True,
     ),
     "a palette that lies beside a tree": Surface(
         ("tree/discovery.py:is_palette",),
-        under("beside.xml", lambda: compile_command(["validate", "tree.xml"])), "xml", is_sought=True,
+        read_at("beside.xml", lambda: compile_command(["validate", "tree.xml"])), "xml", is_sought=True,
     ),
     "a tree in a folder": Surface(
         (BEGINNING, "tree/discovery.py:_files_in"),
-        under("folder/one.xml", lambda: compile_command(["validate", "folder"])), "xml", is_sought=True,
+        read_at("folder/one.xml", lambda: compile_command(["validate", "folder"])), "xml", is_sought=True,
     ),
     "settings": Surface(
-        ("documents/toml_files.py:read_toml",), under("sar.toml", lambda: compile_command(["validate", "tree.xml"])), "toml"
+        ("documents/toml_files.py:read_toml",), read_at("sar.toml", lambda: compile_command(["validate", "tree.xml"])), "toml"
     ),
     "settings for all tools": Surface(
         ("checks/configuration.py:configuration_for",),
-        under("pyproject.toml", lambda: compile_command(["validate", "tree.xml"])), "toml", is_sought=True,
+        read_at("pyproject.toml", lambda: compile_command(["validate", "tree.xml"])), "toml", is_sought=True,
     ),
-    "a tree in an editor": Surface((TREES,), typed, "xml", is_sought=True),
+    "a tree in an editor": Surface((TREES,), open_in_editor, "xml", is_sought=True),
     "an include in an editor": Surface(
-        (TREES,), lambda path: edit("main.xml", INCLUDING.replace("{}", json.dumps(path))), "xml", has_root=True
+        (TREES,), lambda path: check_in_editor("main.xml", INCLUDING.replace("{}", json.dumps(path))), "xml", has_root=True
     ),
     "a palette in an editor": Surface(
-        (TREES,), named_by("sar.toml", "models = [{}]\n", lambda _: edit("tree.xml", TREE)), "xml", has_root=True
+        (TREES,), read_via("sar.toml", "models = [{}]\n", lambda _: check_in_editor("tree.xml", TREE)), "xml", has_root=True
     ),
     "a tree of a set in an editor": Surface(
-        (TREES,), named_by("sar.toml", "[project]\ntrees = [{}]\n", lambda _: edit("lacking.xml", LACKING)), "xml", has_root=True
+        (TREES,), read_via("sar.toml", "[project]\ntrees = [{}]\n", lambda _: check_in_editor("lacking.xml", LACKING)), "xml", has_root=True
     ),
     "settings in an editor": Surface(
-        ("documents/toml_files.py:read_toml",), under("sar.toml", lambda: edit("tree.xml", TREE)), "toml"
+        ("documents/toml_files.py:read_toml",), read_at("sar.toml", lambda: check_in_editor("tree.xml", TREE)), "toml"
     ),
     "a scenario": Surface(
         (YAML, "analysis/simulate/scenario_files.py:read_scenario"), command("simulate", "tree.xml", "--scenario", "{}")
@@ -259,7 +260,7 @@ SURFACES = {
     ),
     "the trace of a scenario": Surface(
         ("checks/golden.py:compare_golden",),
-        named_by("s.yaml", "expect: {trace: {}}\n", command("simulate", "tree.xml", "--scenario", "s.yaml")), has_root=True,
+        read_via("s.yaml", "expect: {trace: {}}\n", command("simulate", "tree.xml", "--scenario", "s.yaml")), has_root=True,
     ),
     "properties": Surface(
         ("analysis/verify/properties.py:read_property_file",), command("verify", "tree.xml", "--properties", "{}")
@@ -270,20 +271,20 @@ SURFACES = {
     "parameters": Surface((PARAMETERS,), command("simulate", "tree.xml", "--params", "{}")),
     "areas": Surface(
         ("missions/parameter_reader.py:ParameterReader.read_json_file", "missions/parameter_reader.py:ParameterReader.read_file"),
-        areas, "json", has_root=True,
+        read_areas, "json", has_root=True,
     ),
     "a world": Surface(("sim/world.py:load_world",), lambda path: sim_command(["map", path])),
     "the map of a world": Surface(
         ("sim/occupancy.py:read_map",),
-        named_by("world.yaml", f"{WORLD}map: {{}}\n", lambda _: told(map_of_the_world)),
+        read_via("world.yaml", f"{WORLD}map: {{}}\n", lambda _: status_of(read_map_of_world)),
         has_root=True,
     ),
     "the image of a map": Surface(
         ("sim/occupancy.py:_brightness",),
-        named_by("map.yaml", f"image: {{}}\n{MAP}", lambda _: told(lambda: read_map(Path("map.yaml")))), "image", has_root=True,
+        read_via("map.yaml", f"image: {{}}\n{MAP}", lambda _: status_of(lambda: read_map(Path("map.yaml")))), "image", has_root=True,
     ),
     "the poses of robots": Surface(
-        ("sim/placement.py:PoseFile.read",), lambda path: told(PoseFile(Path(path), "world").read), "json"
+        ("sim/placement.py:PoseFile.read",), lambda path: status_of(PoseFile(Path(path), "world").read), "json"
     ),
     "a journal": Surface(
         ("journal/database.py:JournalFile.read",), lambda path: journal_command(["show", path]), "journal"
@@ -297,16 +298,16 @@ SURFACES = {
     "a journal that is judged": Surface(
         ("journal/database.py:JournalFile.read",), command("conform", "tree.xml", "{}"), "journal"
     ),
-    "the log beside a journal": Surface(("journal/database.py:JournalFile.read",), journal_with("-wal"), "journal", is_sought=True),
-    "the reserve of a journal": Surface(("journal/spill_file.py:read_reserve",), journal_with("-reserve"), "journal"),
+    "the log beside a journal": Surface(("journal/database.py:JournalFile.read",), read_journal_beside("-wal"), "journal", is_sought=True),
+    "the reserve of a journal": Surface(("journal/spill_file.py:read_reserve",), read_journal_beside("-reserve"), "journal"),
     "the refused start beside a journal": Surface(
         ("journal/refused_start.py:read_refusal",),
-        under("none.journal-refused", lambda: journal_command(["why", "none.journal"])), "json", is_sought=True,
+        read_at("none.journal-refused", lambda: journal_command(["why", "none.journal"])), "json", is_sought=True,
     ),
-    "an approval": Surface(("analysis/approval.py:_read_record", "analysis/approval.py:_record_paths"), approved, "json"),
-    "a module that is trusted": Surface(("project/trust.py:ConfigurationCode.from_configuration",), trusted, "python", is_sought=True),
-    "a module of a package": Surface(("nodes/registry.py:_submodules_with_leaves",), package, "python", is_sought=True),
-    "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), metadata, "toml", is_sought=True),
+    "an approval": Surface(("analysis/approval.py:_read_record", "analysis/approval.py:_record_paths"), read_approval, "json"),
+    "a module that is trusted": Surface(("project/trust.py:ConfigurationCode.from_configuration",), trust_module, "python", is_sought=True),
+    "a module of a package": Surface(("nodes/registry.py:_submodules_with_leaves",), load_package, "python", is_sought=True),
+    "the metadata of a package": Surface(("nodes/installed.py:_metadata_in",), read_metadata, "toml", is_sought=True),
 }  # fmt: skip
 ELSEWHERE = {
     "tree/forest.py:_Loader._intended_path": "tests/tree/test_forest.py: the files beside a missing one, which are only named",
@@ -321,12 +322,12 @@ ELSEWHERE = {
     "lsp/server.py:TreeServer._read": "tests/lsp/test_projects.py: a tree of the set that is no file",
     "project/trust.py:_SourceLoader.get_code": "tests/project/test_what_a_configuration_brings.py: while a module is imported",
 }
-"""Readers that no command line reaches, and who tries them."""
+"""Readers that no command line reaches, and the tests of them."""
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """Work in a folder beside a secret, as a user of whom nothing is known; what blocks is ended."""
+    """Work in a folder beside a secret file, as a user without saved state; a blocking test is ended."""
     work = tmp_path / "work"
     work.mkdir()
     monkeypatch.chdir(work)
@@ -348,8 +349,8 @@ def folder(tmp_path, monkeypatch):
     signal.signal(signal.SIGALRM, former)
 
 
-def refused(name: str, path: str, capsys: pytest.CaptureFixture[str]) -> str:
-    """Have a surface read a file that is none, or not to be read, and return what is said."""
+def read_rejected(name: str, path: str, capsys: pytest.CaptureFixture[str]) -> str:
+    """Let a surface read a path that must be rejected; return the output."""
     surface = SURFACES[name]
     status = surface.read(path)
     out, err = capsys.readouterr()
@@ -374,17 +375,17 @@ NO_FILES = {
 
 @pytest.mark.parametrize("kind", NO_FILES)
 @pytest.mark.parametrize("name", SURFACES)
-def test_what_is_no_file_is_refused_and_not_waited_for(name, kind, capsys):
+def test_non_file_is_rejected_without_blocking(name, kind, capsys):
     make, reason = NO_FILES[kind]
     make("odd.xml" if SURFACES[name].form == "xml" else "odd")
-    said = refused(name, "odd.xml" if SURFACES[name].form == "xml" else "odd", capsys)
+    said = read_rejected(name, "odd.xml" if SURFACES[name].form == "xml" else "odd", capsys)
     surface = SURFACES[name]
-    # A folder may be looked into, and a link to a device leads outside.
+    # A folder may be searched, and a link to a device leads outside.
     if not surface.is_sought and kind != "a folder":
         assert reason in said or (kind == "a device" and "outside" in said)
 
 
-# Of the others the project itself says the name.
+# The names of the other files are fixed by the project.
 NAMED = [
     name
     for name, surface in SURFACES.items()
@@ -395,8 +396,8 @@ NAMED = [
 
 @pytest.mark.parametrize("path", ["nul\0.xml", "x" * 300, "d/" * 3000], ids=["zero byte", "long", "deep"])
 @pytest.mark.parametrize("name", NAMED)
-def test_a_name_that_no_file_can_have_is_an_error_in_words(name, path, capsys):
-    refused(name, path, capsys)
+def test_impossible_file_name_is_an_error_message(name, path, capsys):
+    read_rejected(name, path, capsys)
 
 
 ROOTED = [name for name, surface in SURFACES.items() if surface.has_root]
@@ -404,15 +405,15 @@ ROOTED = [name for name, surface in SURFACES.items() if surface.has_root]
 
 @pytest.mark.parametrize("path", ["../secret", "link", "{here}/secret", "/proc/self/environ"])
 @pytest.mark.parametrize("name", ROOTED)
-def test_what_lies_outside_is_not_read(name, path, capsys, folder):
+def test_file_outside_folder_is_not_read(name, path, capsys, folder):
     Path("link").symlink_to("../secret")
-    said = refused(name, path.format(here=folder.parent), capsys)
+    said = read_rejected(name, path.format(here=folder.parent), capsys)
     assert "outside" in said or "Elsewhere" in said
 
 
 @pytest.mark.parametrize("name", ROOTED)
-def test_what_is_exchanged_for_a_link_after_the_check_is_not_read(name, capsys, monkeypatch):
-    """The file is exchanged in the last moment: when all that is asked of its path is asked, and before it is opened."""
+def test_file_replaced_by_link_after_check_is_not_read(name, capsys, monkeypatch):
+    """The file is replaced after all checks of its path and before it is opened."""
     form = SURFACES[name].form
     path = "part.xml" if form == "xml" else "part"
     Path(path).write_bytes(next(iter(CONTENTS[form].values())))
@@ -426,12 +427,12 @@ def test_what_is_exchanged_for_a_link_after_the_check_is_not_read(name, capsys, 
         return open_it(named, limits)
 
     monkeypatch.setattr(opener, "_open", exchange_and_open)
-    said = refused(name, path, capsys)
+    said = read_rejected(name, path, capsys)
     assert exchanged
     assert "it is outside" in said
 
 
-def _map_of(path: str) -> None:
+def _read_map_of(path: str) -> None:
     found = load_world(Path(path)).map_path
     assert found is not None
     read_map(found)
@@ -442,16 +443,14 @@ NAMING = {
         document("").replace("<Beh", '<include path="part"/>\n<Beh', 1), lambda path: compile_command(["validate", path])
     ),
     "a trace": ("expect: {trace: part}\n", lambda path: compile_command(["simulate", "tree.xml", "--scenario", path])),
-    "a map": (f"{WORLD}map: part\n", lambda path: told(lambda: _map_of(path))),
-    "an image": (f"image: part\n{MAP}", lambda path: told(lambda: read_map(Path(path)))),
+    "a map": (f"{WORLD}map: part\n", lambda path: status_of(lambda: _read_map_of(path))),
+    "an image": (f"image: part\n{MAP}", lambda path: status_of(lambda: read_map(Path(path)))),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", NAMING)
-def test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may_name(
-    kind, capsys, monkeypatch, folder
-):
-    """Somebody's folder is there only while the file in it is read; before and after, a link leads to another folder."""
+def test_folder_replaced_by_link_does_not_extend_allowed_paths(kind, capsys, monkeypatch, folder):
+    """The link leads to one folder only while the file in it is read; before and after, it leads to another folder."""
     text, read = NAMING[kind]
     link, theirs, other = Path("link"), folder / "theirs", folder.parent / "other"
     name = "main.xml" if kind == "an include" else "main"
@@ -481,8 +480,8 @@ def test_a_folder_that_is_exchanged_for_a_link_does_not_widen_what_its_files_may
     assert SECRET not in out + err
 
 
-def recorded(body: bytes) -> bytes:
-    """Return a log of BehaviorTree.CPP with a tree."""
+def log_with_tree(body: bytes) -> bytes:
+    """Return a log of BehaviorTree.CPP that contains a tree."""
     tree = b'<root BTCPP_format="4"><BehaviorTree ID="Main" _fullpath="">' + body + b"</BehaviorTree></root>"
     return MAGIC + b"\x01" + len(tree).to_bytes(4, "little") + tree + bytes(17)
 
@@ -525,10 +524,10 @@ CONTENTS = {
         "no text": NO_TEXT,
     },
     "btlog": {
-        "a million elements": recorded(b"<A _uid='1'/>" * MILLION),
-        "deep nesting": recorded(b"<Inverter _uid='1'>" * 100_000),
-        "no number": recorded(b"<AlwaysSuccess _uid='nan'/>"),
-        "no text": recorded(NO_TEXT),
+        "a million elements": log_with_tree(b"<A _uid='1'/>" * MILLION),
+        "deep nesting": log_with_tree(b"<Inverter _uid='1'>" * 100_000),
+        "no number": log_with_tree(b"<AlwaysSuccess _uid='nan'/>"),
+        "no text": log_with_tree(NO_TEXT),
     },
     "python": {"a million elements": b"x = 1\n" * MILLION, "no text": NO_TEXT},
 }  # fmt: skip
@@ -536,7 +535,7 @@ CASES = [(name, each) for name, surface in SURFACES.items() for each in CONTENTS
 
 
 @pytest.mark.parametrize(("name", "content"), CASES, ids=lambda part: part)
-def test_what_nobody_would_write_is_a_finding_or_an_error_in_words(name, content, capsys):
+def test_extreme_content_is_a_finding_or_an_error_message(name, content, capsys):
     surface = SURFACES[name]
     path = "odd.xml" if surface.form == "xml" else "odd"
     Path(path).write_bytes(CONTENTS[surface.form][content])
@@ -549,8 +548,8 @@ def test_what_nobody_would_write_is_a_finding_or_an_error_in_words(name, content
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_a_file_that_grows_while_it_is_read_is_read_to_its_limit(name, capsys, monkeypatch):
-    """Each time that something is read of it, it has more, and never an end."""
+def test_growing_file_is_read_up_to_its_limit(name, capsys, monkeypatch):
+    """The file grows with each read and never ends."""
     surface, read, sizes = SURFACES[name], os.read, list[int]()
     path = Path("odd.xml" if surface.form == "xml" else "odd")
     path.write_bytes(b" ")
@@ -572,7 +571,7 @@ def test_a_file_that_grows_while_it_is_read_is_read_to_its_limit(name, capsys, m
 
 
 @pytest.mark.parametrize("path", ["../elsewhere/areas.geojson", "{here}/elsewhere/areas.geojson"])
-def test_areas_that_the_command_line_names_may_lie_anywhere(path, folder):
+def test_areas_file_named_by_command_line_may_be_anywhere(path, folder):
     there = folder.parent / "elsewhere" / "areas.geojson"
     there.parent.mkdir()
     square = [[0.001, 0.001], [0.002, 0.001], [0.002, 0.002], [0.001, 0.001]]

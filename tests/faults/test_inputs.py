@@ -1,4 +1,4 @@
-"""What comes from outside: files that are none, are too large, are damaged or lead elsewhere, and texts that a terminal would obey."""
+"""Tests of untrusted input: too large, damaged or misleading files, and texts with control characters."""
 
 import json
 import math
@@ -48,7 +48,7 @@ def folder(tmp_path, monkeypatch):
     Path("project/tree.xml").write_text(TREE, encoding="utf-8")
 
 
-def map_of(world):
+def read_map_of_world(world):
     path = load_world(Path(world)).map_path
     assert path is not None
     return read_map(path)
@@ -65,15 +65,15 @@ def map_of(world):
     ],
     ids=" ".join,
 )
-def test_a_file_that_is_too_large_is_told(command, capsys):
+def test_too_large_file_is_reported(command, capsys):
     with Path("large").open("wb") as file:
-        file.truncate(2**36)  # it takes no room
+        file.truncate(2**36)  # a sparse file
     assert compile_command(command) in (1, 2)
     out, err = capsys.readouterr()
     assert "larger than" in out + err
 
 
-def test_a_configuration_that_is_too_large_is_told(capsys):
+def test_too_large_configuration_is_reported(capsys):
     with Path("sar.toml").open("wb") as file:
         file.truncate(2**36)
     assert compile_command(["validate", "tree.xml"]) == 1
@@ -81,7 +81,7 @@ def test_a_configuration_that_is_too_large_is_told(capsys):
 
 
 def png(width, height):
-    """Return a picture of one colour, which takes next to no room."""
+    """Return a well-compressed image of one colour."""
 
     def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -91,8 +91,8 @@ def png(width, height):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
 
 
-def limited(*command, kind=resource.RLIMIT_AS, most=2**31):
-    """Run a command that may take no more of something than this, by default bytes of address space."""
+def run_limited(*command, kind=resource.RLIMIT_AS, most=2**31):
+    """Run a command with a resource limit, by default of its address space in bytes."""
     return subprocess.run(
         [str(part) for part in command],
         capture_output=True,
@@ -100,32 +100,32 @@ def limited(*command, kind=resource.RLIMIT_AS, most=2**31):
         check=False,
         timeout=120.0,
         preexec_fn=lambda: resource.setrlimit(kind, (most, most)),
-        # Bytecode that is cut off by a limit of a file's size would be read by whoever imports the module next.
+        # Bytecode that is truncated by a limit of the file size would be read by the next import of the module.
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"},
     )
 
 
-def test_the_size_of_an_image_is_judged_before_it_is_decoded():
+def test_image_size_is_checked_before_decoding():
     Path("map.png").write_bytes(png(13_000, 13_000))
     Path("map.yaml").write_text(f"image: map.png\n{MAP}", encoding="utf-8")
     program = "import sys, pathlib; from sar_compiler.sim.occupancy import read_map; read_map(pathlib.Path('map.yaml'))"
-    done = limited(sys.executable, "-c", program)
+    done = run_limited(sys.executable, "-c", program)
     assert "the image has 13000 x 13000 pixels. Reduce the image to at most 2,000,000 pixels" in done.stderr
 
 
 @pytest.mark.parametrize("command", [["simulate", "--ticks", "60"], ["verify"]], ids=" ".join)
-def test_a_text_that_a_script_doubles_does_not_fill_the_memory(command):
+def test_string_doubled_by_script_does_not_fill_memory(command):
     body = """<Sequence><Script code="a := '0123456789abcdef'"/>
         <Repeat num_cycles="40"><Script code="a := a + a"/></Repeat></Sequence>"""
     Path("tree.xml").write_text(document(body), encoding="utf-8")
-    done = limited(BIN / "sar-compile", *command, "tree.xml")
+    done = run_limited(BIN / "sar-compile", *command, "tree.xml")
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     assert "but the limit is 4,096" in done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("form", ["xml", "yaml"])
-def test_a_file_with_too_many_elements_is_not_read_to_its_end(form, monkeypatch, capsys):
+def test_file_with_too_many_elements_is_not_read_completely(form, monkeypatch, capsys):
     monkeypatch.setattr(f"sar_compiler.tree.{form}.MAX_ELEMENTS", 100)
     leaves = {"xml": "<AlwaysSuccess/>\n" * 200, "yaml": "    - AlwaysSuccess\n" * 200}[form]
     text = document(f"<Sequence>\n{leaves}</Sequence> and no end")
@@ -139,7 +139,7 @@ def test_a_file_with_too_many_elements_is_not_read_to_its_end(form, monkeypatch,
 
 
 @pytest.mark.parametrize("form", ["xml", "yaml"])
-def test_an_element_with_too_many_attributes_is_one_finding_at_once(form, capsys):
+def test_element_with_too_many_attributes_is_one_finding(form, capsys):
     names = [f"a{number}" for number in range(200_000 if form == "xml" else 2_000)]
     if form == "xml":
         text = document("<AlwaysSuccess " + " ".join(f'{name}="1"' for name in names) + "/>")
@@ -154,8 +154,8 @@ def test_an_element_with_too_many_attributes_is_one_finding_at_once(form, capsys
     assert len(out) < 10_000
 
 
-def test_a_map_that_does_not_fit_on_the_disk_is_told_and_nothing_of_it_is_left():
-    done = limited(BIN / "sar-sim", "map", "-o", "map", kind=resource.RLIMIT_FSIZE, most=1000)
+def test_map_that_does_not_fit_on_disk_is_reported_and_removed():
+    done = run_limited(BIN / "sar-sim", "map", "-o", "map", kind=resource.RLIMIT_FSIZE, most=1000)
     assert (done.returncode, without_progress(done.stderr)) == (
         2,
         "sar-sim: cannot write map.pgm: File too large\n",
@@ -163,8 +163,8 @@ def test_a_map_that_does_not_fit_on_the_disk_is_told_and_nothing_of_it_is_left()
     assert list(Path().glob("*map*")) == []
 
 
-def damaged(rng, data):
-    """Return data with a few bytes changed, taken out or put in."""
+def damage(rng, data):
+    """Return data with a few bytes changed, removed or inserted."""
     changed = bytearray(data)
     for _ in range(rng.randint(1, 4)):
         place = rng.randrange(min(len(changed), rng.choice((16, 64, len(changed))))) if changed else 0
@@ -180,7 +180,7 @@ def damaged(rng, data):
     return bytes(changed)
 
 
-def pictures():
+def write_images():
     picture = Image.new("L", (21, 20), 254)
     picture.putpixel((3, 4), 0)
     for name in ("map.pgm", "map.png", "map.bmp", "map.jpg"):
@@ -189,14 +189,14 @@ def pictures():
 
 
 @pytest.mark.parametrize("rounds", [150, pytest.param(5000, marks=pytest.mark.slow)], ids=["short", "long"])
-def test_a_damaged_picture_of_a_map_is_a_map_or_a_finding(rounds):
+def test_damaged_map_image_is_a_map_or_a_finding(rounds):
     rng = random.Random(rounds)  # noqa: S311 - nothing secret
     findings: Counter[str] = Counter()
-    for name in pictures():
+    for name in write_images():
         original = Path(name).read_bytes()
         Path("map.yaml").write_text(f"image: {name}\n{MAP}", encoding="utf-8")
         for _ in range(rounds):
-            Path(name).write_bytes(damaged(rng, original))
+            Path(name).write_bytes(damage(rng, original))
             try:
                 read_map(Path("map.yaml"))
             except TreeError as error:
@@ -216,7 +216,7 @@ MISSION = """/**:
   ros__parameters: {name: "text", list: [1, 2, 3], words: [a, 'b']}
 """
 TURNING = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
-# What means something in YAML, to ROS' own parser of it, or in names.
+# Texts with a meaning in YAML, in ROS's YAML parser, or in names.
 PIECES = [
     *"/*:-_#&!|>'\"%@`,[]{}?\\ \t\n.0",
     "**",
@@ -237,7 +237,7 @@ PIECES = [
 
 @pytest.mark.ros
 @pytest.mark.parametrize("rounds", [400, pytest.param(20_000, marks=pytest.mark.slow)], ids=["short", "long"])
-def test_a_parameter_file_that_passes_the_check_is_one_for_ros(rounds):
+def test_parameter_file_that_passes_check_is_accepted_by_ros(rounds):
     import rclpy
     from rclpy.context import Context
 
@@ -263,7 +263,7 @@ def test_a_parameter_file_that_passes_the_check_is_one_for_ros(rounds):
 
 
 @given(st.floats(), st.floats(), st.floats(), st.floats(), st.floats(), st.floats(), st.integers(0, 10**6))
-def test_any_answer_about_a_survivor_and_any_map_are_judged(x, y, resolution, origin, z, w, cells):
+def test_impossible_survivor_position_is_rejected_on_any_map(x, y, resolution, origin, z, w, cells):
     extent = object.__new__(MapExtent)
     extent._place = extent._grid = extent._obstacles = None
     extent._node = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=lambda _: None))
@@ -277,13 +277,13 @@ def test_any_answer_about_a_survivor_and_any_map_are_judged(x, y, resolution, or
 
 
 @given(st.integers(-128, 127), st.integers(0, 2**16 - 1), st.text(max_size=50))
-def test_any_end_of_a_drive_is_a_line(status, code, message):
+def test_description_of_any_drive_end_is_one_clean_line(status, code, message):
     said = escape_to_one_line(describe_end(status, SimpleNamespace(error_code=code, error_msg=message)))
     assert "Cc" not in map(unicodedata.category, said.replace("\t", ""))
     assert not TURNING & set(map(unicodedata.bidirectional, said))
 
 
-class TestWhatAFileNames:
+class TestReferencedFiles:
     SECRET = "root:x:0:0: never shown"  # noqa: S105 - nobody's
 
     @pytest.fixture(autouse=True)
@@ -291,7 +291,7 @@ class TestWhatAFileNames:
         Path("secret").write_text(f"{self.SECRET}\n" * 20, encoding="utf-8")
 
     @pytest.mark.parametrize("path", ["../secret", "link", "{here}/secret"])
-    def test_a_world_names_no_map_outside_its_folder(self, path, capsys):
+    def test_world_cannot_name_map_outside_its_folder(self, path, capsys):
         here = Path.cwd()
         Path("project/link").symlink_to(here / "secret")
         text = path.format(here=here)
@@ -301,7 +301,7 @@ class TestWhatAFileNames:
         assert f"project/world.yaml:3:6: error[setting-outside]: map: '{text}' is outside the folder" in err
         assert self.SECRET not in err
 
-    def test_a_map_names_no_picture_outside_its_folder(self):
+    def test_map_cannot_name_image_outside_its_folder(self):
         Path("project/map.yaml").write_text(f"image: ../secret\n{MAP}", encoding="utf-8")
         with pytest.raises(
             TreeError, match=r"setting-outside\]: image: '../secret' is outside the folder"
@@ -309,15 +309,15 @@ class TestWhatAFileNames:
             read_map(Path("project/map.yaml"))
         assert self.SECRET not in str(error.value)
 
-    def test_within_a_repository_a_map_may_lie_beside_the_worlds(self):
+    def test_map_may_be_in_other_folder_of_repository(self):
         Path(".git").mkdir()
         Path("maps").mkdir()
         Image.new("L", (40, 40), 254).save("maps/m.pgm")
         Path("maps/m.yaml").write_text(f"image: m.pgm\n{MAP}", encoding="utf-8")
         Path("project/world.yaml").write_text(f"{WORLD}map: ../maps/m.yaml\n", encoding="utf-8")
-        assert map_of("project/world.yaml").cells.shape == (40, 40)
+        assert read_map_of_world("project/world.yaml").cells.shape == (40, 40)
 
-    def test_a_scenario_compares_its_trace_with_no_file_outside_its_folder(self, capsys):
+    def test_scenario_cannot_name_trace_outside_its_folder(self, capsys):
         Path("project/s.yaml").write_text("expect: {trace: ../secret}\n", encoding="utf-8")
         assert compile_command(["simulate", "project/tree.xml", "--scenario", "project/s.yaml"]) == 1
         out, err = capsys.readouterr()
@@ -328,7 +328,7 @@ class TestWhatAFileNames:
 EVIL = "z\x1b]0;PWNED\x07\x1b[2J\u202e\u009b"
 
 
-class TestWhatATerminalWouldObey:
+class TestControlCharacters:
     @pytest.fixture(autouse=True)
     def _nothing_passes(self, capsys):
         yield
@@ -337,48 +337,48 @@ class TestWhatATerminalWouldObey:
         assert re.search(r"\\(x1b|u001b|x9b|u009b)", out + err)
 
     @pytest.mark.parametrize("form", ["text", "json", "sarif", "github"])
-    def test_not_the_names_and_values_of_a_tree(self, form):
+    def test_names_and_values_of_tree_are_escaped(self, form):
         body = '<Parallel success_count="&#x9b;\u202e"><AlwaysSuccess/></Parallel>'
         Path("tree.xml").write_text(document(body), encoding="utf-8")
         compile_command(["validate", "tree.xml", "--format", form])
 
     @pytest.mark.parametrize("form", ["unicode", "ascii", "json"])
-    def test_not_a_tree_that_is_drawn(self, form):
+    def test_drawn_tree_is_escaped(self, form):
         Path("tree.xml").write_text(
             document('<Sequence name="\\x1b&#x9b;\u202e"><Script code=""/></Sequence>'), encoding="utf-8"
         )
         assert compile_command(["show", "tree.xml", "--format", form]) == 0
 
-    def test_not_a_file_s_name(self):
+    def test_file_name_is_escaped(self):
         compile_command(["validate", f"{EVIL}.xml"])
 
-    def test_not_an_argument(self):
+    def test_argument_is_escaped(self):
         with pytest.raises(SystemExit):
             compile_command([EVIL])
 
-    def test_not_the_name_of_a_finding(self):
+    def test_finding_name_is_escaped(self):
         compile_command(["explain", EVIL])
 
-    def test_not_a_key_of_the_configuration(self):
+    def test_configuration_key_is_escaped(self):
         Path("sar.toml").write_text('[findings]\n"\\u001b]0;PWNED\\u0007" = "off"\n', encoding="utf-8")
         compile_command(["validate", "tree.xml"])
 
-    def test_not_a_value_of_a_scenario(self):
+    def test_leaf_name_in_scenario_is_escaped(self):
         Path("s.yaml").write_text('leaves: {"\\e[2J\\x07": SUCCESS}\n', encoding="utf-8")
         compile_command(["simulate", "tree.xml", "--scenario", "s.yaml"])
 
-    def test_not_a_parameter_file(self):
+    def test_parameter_name_is_escaped(self):
         Path("p.yaml").write_text('/**: {ros__parameters: {"\\e[2J\\x07": ~}}\n', encoding="utf-8")
         compile_command(["simulate", "tree.xml", "--params", "p.yaml"])
 
-    def test_not_a_world(self):
+    def test_zone_name_in_world_is_escaped(self):
         Path("w.yaml").write_text(
             'robot: {x: 1, y: 1, radius: 1}\nwalls: []\nzones: {"\\e[2J": 7}\n', encoding="utf-8"
         )
         sim_command(["map", "w.yaml"])
 
 
-def test_a_line_break_in_a_value_makes_no_line_of_its_own(capsys):
+def test_line_break_in_value_creates_no_output_line(capsys):
     Path("tree.xml").write_text(
         document('<Sequence><Parallel success_count="&#10;::error::forged"/></Sequence>'), encoding="utf-8"
     )
@@ -386,7 +386,7 @@ def test_a_line_break_in_a_value_makes_no_line_of_its_own(capsys):
     assert not [line for line in capsys.readouterr().out.splitlines() if line.startswith("::error")]
 
 
-def test_what_is_escaped_in_json_is_the_same_data(capsys):
+def test_escaped_json_has_same_data(capsys):
     Path("tree.xml").write_text(
         document('<Sequence name="&#x9b;\u202e"><Script code=""/></Sequence>'), encoding="utf-8"
     )

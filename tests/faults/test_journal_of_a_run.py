@@ -1,4 +1,4 @@
-"""The journal of `sar-run`: where it is kept, who may go on with it, and what is refused before anything moves."""
+"""Tests of the journal of `sar-run`: its path, resuming it, and the refusals before the mission starts."""
 
 import json
 import signal
@@ -9,7 +9,7 @@ from tests.trees import document
 
 pytestmark = pytest.mark.ros
 
-# It needs no server, and goes on for ever.
+# A tree that needs no server and does not end.
 WAITING = document('<Sequence name="Wait"><Sleep msec="1000000"/></Sequence>')
 MISSION = ("--mission", "search_and_rescue")
 
@@ -23,7 +23,7 @@ def tree(tmp_path):
 
 @pytest.fixture
 def state(tmp_path):
-    """The user's folder of state."""
+    """Return the environment with the user's state folder."""
     return {"XDG_STATE_HOME": str(tmp_path / "state")}
 
 
@@ -33,7 +33,7 @@ def journals(tmp_path):
 
 @pytest.fixture
 def begin(start, tree, state):
-    """Begin a run of the mission, and wait for its first tick."""
+    """Return a function that starts a run of the mission and waits for its first tick."""
 
     def run(*arguments, env=None):
         command = start("sar-run", tree, *MISSION, "--view", "text", *arguments, env={**state, **(env or {})})
@@ -42,42 +42,40 @@ def begin(start, tree, state):
     return run
 
 
-def killed(run):
+def kill_run(run):
     run.send(signal.SIGKILL)
     run.end()
 
 
-def refused(start, tree, state, *arguments):
+def refused_output(start, tree, state, *arguments):
     run = start("sar-run", tree, *MISSION, *arguments, env=state)
     assert run.end() == 2, run.output
     return run.output
 
 
-def test_a_mission_on_a_robot_has_a_journal_by_the_name_of_its_node(begin, tmp_path):
+def test_mission_on_robot_has_journal_named_after_node(begin, tmp_path):
     begin("--ros-args", "-r", "__ns:=/robot1", env={"ROS_DOMAIN_ID": "0"}).stop()
     assert journals(tmp_path) == ["robot1.search_and_rescue.journal"]
 
 
-def test_without_a_journal_nothing_is_left(begin, tmp_path):
+def test_run_with_journal_none_leaves_no_file(begin, tmp_path):
     begin("--journal", "none").stop()
     assert journals(tmp_path) == []
 
 
-def test_a_plain_tree_has_a_journal_only_on_request(start, tree, state, tmp_path):
+def test_plain_tree_has_no_journal_by_default(start, tree, state, tmp_path):
     start("sar-run", tree, "--view", "text", env=state).wait_for("Sleep RUNNING").stop()
     assert journals(tmp_path) == []
 
 
-def test_a_mission_that_died_is_in_the_way_of_another_until_it_is_resumed_or_put_aside(
-    start, begin, tree, state, tmp_path
-):
-    killed(begin())
-    words = refused(start, tree, state)
+def test_killed_mission_must_be_resumed_or_started_over(start, begin, tree, state, tmp_path):
+    kill_run(begin())
+    words = refused_output(start, tree, state)
     assert "is not over: it was started on 20" in words
     assert "--resume" in words
     run = begin("--resume")
     assert " resumes after 0 events." in run.output
-    killed(run)
+    kill_run(run)
     run = begin("--new")
     assert "The previous journal is kept as" in run.output
     run.stop()
@@ -85,7 +83,7 @@ def test_a_mission_that_died_is_in_the_way_of_another_until_it_is_resumed_or_put
 
 
 @pytest.mark.costly
-def test_a_mission_that_was_stopped_makes_room_where_no_file_was_named(begin, start, tree, state, tmp_path):
+def test_stopped_mission_in_default_journal_is_replaced(begin, start, tree, state, tmp_path):
     begin().stop()
     run = begin()
     assert "The previous journal is kept as" in run.output
@@ -93,18 +91,18 @@ def test_a_mission_that_was_stopped_makes_room_where_no_file_was_named(begin, st
     assert len(journals(tmp_path)) == 2
     named = tmp_path / "named.journal"
     begin("--journal", named).stop()
-    assert "it was stopped on 20" in refused(start, tree, state, "--journal", named)
+    assert "it was stopped on 20" in refused_output(start, tree, state, "--journal", named)
     begin("--journal", named, "--resume").stop()
 
 
-def test_a_second_run_is_refused_while_the_first_one_lasts(begin, start, tree, state):
+def test_second_run_is_refused_while_first_is_active(begin, start, tree, state):
     run = begin()
     for arguments in ((), ("--resume",), ("--new",)):
-        assert "runs in another process" in refused(start, tree, state, *arguments)
+        assert "runs in another process" in refused_output(start, tree, state, *arguments)
     run.stop()
 
 
-def test_a_mission_that_runs_can_be_looked_at(begin, start, tmp_path):
+def test_journal_of_active_mission_can_be_shown(begin, start, tmp_path):
     place = tmp_path / "mission.journal"
     run = begin("--journal", place)
     show = start("sar-journal", "show", place, "--format", "json")
@@ -118,30 +116,28 @@ def test_a_mission_that_runs_can_be_looked_at(begin, start, tmp_path):
     assert start("sar-journal", "show", place).end() == 0
 
 
-def test_other_zones_are_refused_by_the_names_of_the_parameters(begin, start, tree, state):
-    killed(begin())
+def test_resuming_with_changed_parameters_is_refused_by_name(begin, start, tree, state):
+    kill_run(begin())
     more = ("--resume", "--ros-args", "-p", "zone_order:=[zone_b]", "-p", "base_station.x:=1.0")
-    words = refused(start, tree, state, *more)
+    words = refused_output(start, tree, state, *more)
     assert "2 errors in the parameters" in words
     assert "zones: is [{'id': 'zone_b'" in words
     assert "base_station: is {'x': 1.0" in words
 
 
-def test_a_place_that_cannot_be_written_is_refused_only_if_it_was_asked_for(
-    begin, start, tree, state, tmp_path
-):
+def test_unwritable_journal_path_is_refused_only_if_requested(begin, start, tree, state, tmp_path):
     nowhere = {"XDG_STATE_HOME": "/dev/null"}
     run = begin(env=nowhere)
     assert "No journal is written, so this mission cannot be resumed: the journal /dev/null/" in run.output
     assert run.stop() == 130
-    assert "there is no journal /dev/null/" in refused(start, tree, nowhere, "--resume")
-    assert "cannot be used: " in refused(start, tree, nowhere, "--new")
-    assert "cannot be used: " in refused(start, tree, state, "--journal", "/dev/null/mission.journal")
-    assert "Is a directory" in refused(start, tree, state, "--journal", tmp_path)
+    assert "there is no journal /dev/null/" in refused_output(start, tree, nowhere, "--resume")
+    assert "cannot be used: " in refused_output(start, tree, nowhere, "--new")
+    assert "cannot be used: " in refused_output(start, tree, state, "--journal", "/dev/null/mission.journal")
+    assert "Is a directory" in refused_output(start, tree, state, "--journal", tmp_path)
 
 
-def test_a_check_leaves_journals_alone(begin, start, tree, state, tmp_path):
-    killed(begin())
+def test_check_does_not_change_journals(begin, start, tree, state, tmp_path):
+    kill_run(begin())
     before = [path.read_bytes() for path in sorted((tmp_path / "state" / "sar_compiler").iterdir())]
     assert start("sar-run", tree, *MISSION, "--check", env=state).end() == 0
     assert [path.read_bytes() for path in sorted((tmp_path / "state" / "sar_compiler").iterdir())] == before
@@ -156,11 +152,11 @@ def test_a_check_leaves_journals_alone(begin, start, tree, state, tmp_path):
         (["--resume"], " to resume. Omit --resume"),
     ],
 )
-def test_options_that_contradict_each_other_are_refused(start, tree, state, arguments, words):
-    assert words in refused(start, tree, state, *arguments)
+def test_contradictory_options_are_refused(start, tree, state, arguments, words):
+    assert words in refused_output(start, tree, state, *arguments)
 
 
-def test_a_leaf_may_ask_for_the_journal_of_its_run(start, tmp_path):
+def test_leaf_can_use_journal_of_its_run(start, tmp_path):
     (tmp_path / "diary.py").write_text(
         "from py_trees.behaviour import Behaviour\n"
         "from py_trees.common import Status\n"

@@ -1,4 +1,4 @@
-"""When all that a run has to write is written, nothing that DDS does while it is taken down changes its status."""
+"""Tests of the end of a process: a crash of DDS during shutdown does not change its exit status."""
 
 import subprocess
 import sys
@@ -15,7 +15,7 @@ CRASHES = {
     ),
     "never, but hangs": "ctypes.PyDLL(None).sleep(600)",
 }
-LEAVES = """
+ENDING_PROGRAM = """
 import atexit, ctypes, os, sys, threading
 from sar_compiler.process_end import end_process
 
@@ -26,7 +26,7 @@ atexit.register(print, "tidied up")
 print("all is written")
 end_process(7, take_down)
 """
-RUNS = """
+RUN_PROGRAM = """
 import ctypes, rclpy.node
 from sar_compiler.cli.run import command
 
@@ -46,12 +46,12 @@ def run(program, *arguments):
 
 
 @pytest.mark.parametrize("crash", CRASHES.values(), ids=CRASHES)
-def test_a_process_ends_with_its_status_where_what_is_taken_down_crashes(crash):
-    done = run(LEAVES.format(crash=crash))
+def test_process_ends_with_its_status_if_shutdown_crashes(crash):
+    done = run(ENDING_PROGRAM.format(crash=crash))
     assert (done.returncode, done.stdout) == (7, "all is written\ntidied up\n"), done
 
 
-def test_a_process_waits_for_what_its_other_threads_have_to_finish():
+def test_process_waits_for_its_other_threads():
     program = (
         "import sys, threading\n"
         "from sar_compiler.process_end import end_process\n"
@@ -64,7 +64,7 @@ def test_a_process_waits_for_what_its_other_threads_have_to_finish():
     assert (done.returncode, done.stdout, done.stderr) == (3, "finished\n", "")
 
 
-STAYS = """
+UNENDING_THREAD = """
 import threading, sys
 
 def recharge():
@@ -75,8 +75,8 @@ threading.Thread(target=recharge, name="charger").start()
 
 
 @pytest.mark.parametrize("command", ["sar_compile", "sar_run"])
-def test_a_thread_that_does_not_end_is_named_and_keeps_no_command(command):
-    program = f"{STAYS}sys.argv = ['a-command', '--version']\nfrom sar_compiler.cli import console\nconsole.{command}()\n"
+def test_unending_thread_is_named_and_does_not_block_command(command):
+    program = f"{UNENDING_THREAD}sys.argv = ['a-command', '--version']\nfrom sar_compiler.cli import console\nconsole.{command}()\n"
     done = run(program)
     assert done.returncode == 0
     assert (
@@ -85,7 +85,7 @@ def test_a_thread_that_does_not_end_is_named_and_keeps_no_command(command):
     )
 
 
-def test_an_exit_function_that_does_not_end_keeps_no_process():
+def test_unending_exit_function_does_not_block_process():
     program = (
         "import atexit, threading\n"
         "from sar_compiler.process_end import end_process\n"
@@ -95,9 +95,9 @@ def test_an_exit_function_that_does_not_end_keeps_no_process():
     assert run(program).returncode == 3
 
 
-def test_a_signal_ends_a_process_that_waits_for_a_thread_with_its_own_status():
+def test_signal_ends_process_waiting_for_thread_with_its_own_status():
     program = (
-        f"{STAYS}import os, signal\n"
+        f"{UNENDING_THREAD}import os, signal\n"
         "from sar_compiler.process_end import end_process\n"
         "threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
         "end_process(3)\n"
@@ -108,12 +108,12 @@ def test_a_signal_ends_a_process_that_waits_for_a_thread_with_its_own_status():
 
 @pytest.mark.ros
 @pytest.mark.parametrize(("leaf", "status"), [("AlwaysSuccess", 0), ("AlwaysFailure", 1)])
-def test_a_run_ends_with_its_status_where_its_node_crashes_at_the_end(tmp_path, leaf, status):
+def test_run_ends_with_its_status_if_destroying_node_crashes(tmp_path, leaf, status):
     from sar_compiler.journal.database import JournalFile
 
     tree, place, report = tmp_path / "tree.xml", tmp_path / "run.journal", tmp_path / "report.json"
     tree.write_text(document(f"<{leaf}/>"), encoding="utf-8")
-    done = run(RUNS, tree, "--until", "end", "--journal", place, "--report", report)
+    done = run(RUN_PROGRAM, tree, "--until", "end", "--journal", place, "--report", report)
     assert done.returncode == status, done
     assert "destroyed" in done.stdout
     file = JournalFile.read(place)

@@ -1,4 +1,4 @@
-"""A goal that a dead process has left is known to have ended by any of three sources, and no answer about it is given up."""
+"""Tests of orphaned goals: their end is known from any of three sources, and late responses are accepted."""
 
 import threading
 import time
@@ -9,13 +9,16 @@ pytestmark = pytest.mark.ros
 
 GOAL = "0123456789abcdef" * 2
 UNKNOWN_GOAL, CANCELED = 2, 5
-# Longer than the period in which a request to cancel is repeated.
+# Longer than the period of repeated cancel requests.
 SLOW_SEC = 1.6
 
 
 @pytest.fixture
-def left(ros):
-    """Make a goal that was left, beside services of an action that answer as a test says; they have no status topic."""
+def make_goal(ros):
+    """Return a function that makes an orphaned goal and scripted action services without a status topic.
+
+    It returns their host, the goal and the list of its ends.
+    """
     from action_msgs.srv import CancelGoal
     from nav2_msgs.action import NavigateToPose
 
@@ -44,14 +47,14 @@ def left(ros):
         host.close()
 
 
-async def never(_request, _response):
-    """Answer nothing."""
+async def never_respond(_request, _response):
+    """Never respond."""
     from rclpy.task import Future
 
     await Future()
 
 
-def test_an_answer_that_comes_after_the_next_request_is_not_given_up(ros, left):
+def test_response_after_next_request_is_accepted(ros, make_goal):
     asked, answered = [], []
 
     def slow(request, response):
@@ -61,18 +64,18 @@ def test_an_answer_that_comes_after_the_next_request_is_not_given_up(ros, left):
         answered.append(request)
         return response
 
-    _, goal, ends = left(slow)
+    _, goal, ends = make_goal(slow)
     ros.spin_until(lambda: goal.poll() is None, "the end of the goal", 20.0)
     ros.spin_until(lambda: len(answered) == len(asked), "the last answer")
     assert ends == [0]
 
 
-def test_the_result_tells_of_the_end_where_neither_cancel_nor_status_does(ros, left):
+def test_result_reveals_end_if_cancel_and_status_do_not(ros, make_goal):
     canceled = threading.Event()
 
     async def ignore(request, response):
         canceled.set()
-        return await never(request, response)
+        return await never_respond(request, response)
 
     def result(request, response):
         assert bytes(request.goal_id.uuid).hex() == GOAL
@@ -80,12 +83,12 @@ def test_the_result_tells_of_the_end_where_neither_cancel_nor_status_does(ros, l
         response.status = CANCELED
         return response
 
-    _, goal, ends = left(ignore, result)
+    _, goal, ends = make_goal(ignore, result)
     ros.spin_until(lambda: goal.poll() is None, "the end of the goal", 20.0)
     assert ends == [CANCELED]
 
 
-def test_a_server_that_answers_only_new_clients_is_asked_by_new_ones(ros, left):
+def test_server_that_responds_only_to_new_clients_gets_new_client(ros, make_goal):
     from sar_compiler.ros import orphaned_goals
 
     def readers():
@@ -98,18 +101,18 @@ def test_a_server_that_answers_only_new_clients_is_asked_by_new_ones(ros, left):
     async def deaf(request, response):
         first.update(first or readers())
         if not readers() - first:
-            return await never(request, response)
+            return await never_respond(request, response)
         response.return_code = UNKNOWN_GOAL
         return response
 
-    host, goal, ends = left(deaf)
+    host, goal, ends = make_goal(deaf)
     began = time.monotonic()
     ros.spin_until(lambda: goal.poll() is None, "the end of the goal", 30.0)
     assert ends == [0]
     assert time.monotonic() - began >= orphaned_goals._RENEWAL_SEC
 
 
-def test_goals_are_canceled_in_a_context_of_their_own_and_what_does_not_end_is_named(ros, serve):
+def test_canceller_uses_own_context_and_names_unending_goals(ros, serve):
     from nav2_msgs.action import NavigateToPose
     from rclpy.action import ActionClient
 

@@ -1,4 +1,4 @@
-"""Reports that are kept until they arrive, and finds that may be the same: nothing is lost, and the operator decides."""
+"""Tests of reports that are stored until they are acknowledged, and of possible duplicates among detections."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,8 +30,8 @@ from tests.processes import Command, in_order
 RESILIENT = Path("trees/search_and_rescue_resilient.xml")
 
 
-class Day:
-    """Has leaves, by name, answer the same whenever they can, and what is usual otherwise."""
+class ScriptedPolicy:
+    """Lets leaves return the outcome given for their name if they have it, and their nominal one otherwise."""
 
     def __init__(self, **answers: str) -> None:
         self.outcomes = answers
@@ -43,14 +43,14 @@ class Day:
 
 @pytest.fixture
 def mission() -> SimulatedTree:
-    """The resilient mission, without a robot, one tick under way."""
+    """Return the simulated resilient mission; the base station refuses reports."""
     tree = compile_simulated(bind_main(load_forest(RESILIENT, read_tree_file), default_registry()), {})
-    tree.policy = Day(NotifyBase="refused", DeliverOnTheWay="refused")
+    tree.policy = ScriptedPolicy(NotifyBase="refused", DeliverOnTheWay="refused")
     return tree
 
 
 def tick(mission: SimulatedTree, count: int = 1) -> list[str]:
-    """Tick, and return what the leaves have answered meanwhile."""
+    """Tick `count` times; return the outcomes of the leaves."""
     mission.events.clear()
     for _ in range(count):
         mission.clock.advance(1.0)
@@ -58,21 +58,23 @@ def tick(mission: SimulatedTree, count: int = 1) -> list[str]:
     return [f"{event.leaf} {event.outcome}" for event in mission.events if event.outcome]
 
 
-def test_a_find_is_kept_before_anybody_is_told(mission: SimulatedTree) -> None:
+def test_detection_is_stored_before_it_is_reported(mission: SimulatedTree) -> None:
     said = tick(mission)
     order = ["BroadcastSurvivorTF named", "KeepReport kept", "AdvanceZone advanced", "NotifyBase refused"]
     assert [line for line in said if line in order] == order
 
 
-def test_a_base_that_is_silent_does_not_hold_up_the_next_zone(mission: SimulatedTree) -> None:
-    mission.policy = Day(NotifyBase="refused", NavigateToZone="arrived", DeliverOnTheWay="reporting")
+def test_unresponsive_base_does_not_delay_next_zone(mission: SimulatedTree) -> None:
+    mission.policy = ScriptedPolicy(
+        NotifyBase="refused", NavigateToZone="arrived", DeliverOnTheWay="reporting"
+    )
     said = tick(mission, 3)
     assert said.count("AdvanceZone advanced") == 3
 
 
-def test_what_is_kept_is_sent_during_the_drive(mission: SimulatedTree) -> None:
+def test_stored_report_is_delivered_during_drive(mission: SimulatedTree) -> None:
     tick(mission)
-    mission.policy = Day(NavigateToZone="driving")
+    mission.policy = ScriptedPolicy(NavigateToZone="driving")
     said = tick(mission, 2)
     assert said[said.index("NavigateToZone driving") + 1] == "DeliverOnTheWay delivered"
     assert mission.fact_values()["reports_kept"] == 0
@@ -81,19 +83,19 @@ def test_what_is_kept_is_sent_during_the_drive(mission: SimulatedTree) -> None:
 @pytest.mark.parametrize(
     "moment", ["NavigateToZone driving", "NotifyBase reporting", "DetectSurvivor searching"]
 )
-def test_a_mission_that_is_halted_names_and_keeps_each_find_once(mission: SimulatedTree, moment: str) -> None:
+def test_halted_mission_names_and_stores_each_detection_once(mission: SimulatedTree, moment: str) -> None:
     name, answer = moment.split()
-    mission.policy = Day(**{name: answer})
+    mission.policy = ScriptedPolicy(**{name: answer})
     first = tick(mission)
     assert moment in first
     mission.root.stop(Status.INVALID)
-    mission.policy = Day()
+    mission.policy = ScriptedPolicy()
     said = first + tick(mission, 20)
     assert said.count("BroadcastSurvivorTF named") == said.count("AdvanceZone advanced") == 3
     assert said.count("KeepReport kept") == 3
 
 
-def test_pauses_grow_to_a_limit_and_end_with_a_success() -> None:
+def test_backoff_grows_to_limit_and_is_reset_by_success() -> None:
     clock = ManualClock()
     backoff = Backoff(clock, 5.0, 60.0)
     assert backoff.remaining_sec <= 0.0
@@ -109,7 +111,7 @@ def test_pauses_grow_to_a_limit_and_end_with_a_success() -> None:
     assert backoff.remaining_sec == 5.0
 
 
-def test_a_clock_that_jumps_back_ends_a_pause() -> None:
+def test_backward_clock_jump_ends_backoff() -> None:
     clock = ManualClock(1000.0)
     backoff = Backoff(clock, 5.0, 60.0)
     backoff.start_pause()
@@ -117,13 +119,13 @@ def test_a_clock_that_jumps_back_ends_a_pause() -> None:
     assert backoff.remaining_sec <= 0.0
 
 
-def test_no_pause_is_no_pause() -> None:
+def test_zero_backoff_does_not_pause() -> None:
     backoff = Backoff(ManualClock(), 0.0, 60.0)
     backoff.start_pause()
     assert backoff.remaining_sec <= 0.0
 
 
-class TestFindsThatMayBeTheSame:
+class TestPossibleDuplicates:
     @pytest.fixture
     def record(self) -> MissionRecord:
         record = MissionRecord(duplicate_radius_m=3.0)
@@ -132,11 +134,11 @@ class TestFindsThatMayBeTheSame:
             record.survivor_named(f"survivor_{number}", x, 0.0)
         return record
 
-    def test_both_are_kept_and_the_later_one_is_marked(self, record: MissionRecord) -> None:
+    def test_both_detections_are_kept_and_later_one_is_marked(self, record: MissionRecord) -> None:
         assert [survivor.possibly for survivor in record.survivors] == [None, "survivor_1", None]
         assert str(record.survivors[1]) == "survivor_2 in zone_b at (2.90, 0.00), possibly survivor_1"
 
-    def test_both_must_be_acknowledged(self, record: MissionRecord) -> None:
+    def test_both_detections_must_be_acknowledged(self, record: MissionRecord) -> None:
         zones = ZoneManager([], {"x": 0, "y": 0, "yaw": 0})
         record.base_reached()
         record.record_acknowledgement("survivor_1")
@@ -146,7 +148,7 @@ class TestFindsThatMayBeTheSame:
         ]
 
     @pytest.mark.parametrize("standing", [DetectionVerdict.REJECTED, DetectionVerdict.MERGED])
-    def test_whom_the_operator_rejects_or_merges_need_not_be_acknowledged(
+    def test_rejected_or_merged_detection_needs_no_acknowledgement(
         self, record: MissionRecord, standing: DetectionVerdict
     ) -> None:
         zones = ZoneManager([], {"x": 0, "y": 0, "yaw": 0})
@@ -156,20 +158,20 @@ class TestFindsThatMayBeTheSame:
         record.survivor_judged("survivor_2", standing)
         assert record.shortfalls(zones) == []
 
-    def test_who_is_confirmed_must_be_acknowledged_all_the_same(self, record: MissionRecord) -> None:
+    def test_confirmed_detection_must_be_acknowledged(self, record: MissionRecord) -> None:
         record.survivor_judged("survivor_3", DetectionVerdict.CONFIRMED)
         assert str(record.survivors[2]) == "survivor_3 in zone_c at (9.00, 0.00), confirmed"
         assert record.shortfalls(ZoneManager([], {"x": 0, "y": 0, "yaw": 0})) != []
 
-    def test_nobody_is_like_a_find_that_was_rejected(self, record: MissionRecord) -> None:
+    def test_rejected_detection_is_no_possible_duplicate(self, record: MissionRecord) -> None:
         record.survivor_judged("survivor_3", DetectionVerdict.REJECTED)
         record.survivor_named("survivor_4", 9.5, 0.0)
         assert record.survivors[-1].possibly is None
 
 
 @pytest.mark.ros
-class TestJudging:
-    """The operator's word on a find, by its service."""
+class TestReview:
+    """The operator's review of a detection by its service."""
 
     @pytest.fixture
     def search(self) -> Search:
@@ -201,7 +203,7 @@ class TestJudging:
         ros.spin_until(answer.done, "the answer")
         return answer.result().success, answer.result().message
 
-    def test_a_find_is_a_candidate_until_it_is_confirmed(
+    def test_detection_is_candidate_until_confirmed(
         self, ros: Any, record: MissionRecord, kept: StoredReports
     ) -> None:
         standings = [record.survivors[0].standing]
@@ -210,14 +212,14 @@ class TestJudging:
         assert standings == [DetectionVerdict.CANDIDATE, DetectionVerdict.CONFIRMED]
         assert len(kept) == 2
 
-    def test_a_find_that_is_rejected_is_reported_no_more(
+    def test_rejected_detection_is_no_longer_reported(
         self, ros: Any, record: MissionRecord, kept: StoredReports
     ) -> None:
         assert self.judge(ros, "survivor_2", 2) == (True, "done")
         assert record.survivors[1].standing is DetectionVerdict.REJECTED
         assert [report.survivor_id for report in kept] == ["survivor_1"]
 
-    def test_finds_are_merged_by_the_operator(self, ros: Any, record: MissionRecord) -> None:
+    def test_operator_can_merge_detections(self, ros: Any, record: MissionRecord) -> None:
         assert self.judge(ros, "survivor_2", 3, "survivor_1") == (True, "done")
         assert str(record.survivors[1]).endswith("merged with survivor_1")
 
@@ -230,7 +232,7 @@ class TestJudging:
             ("survivor_1", 3, "survivor_1", "'survivor_1' cannot be merged with 'survivor_1'"),
         ],
     )
-    def test_a_word_that_makes_no_sense_is_refused(
+    def test_invalid_review_is_refused(
         self, ros: Any, record: MissionRecord, survivor_id: str, verdict: int, same_as: str, said: str
     ) -> None:
         before = record.survivors
@@ -239,7 +241,7 @@ class TestJudging:
 
 
 @pytest.mark.ros
-def test_reports_that_base_refuses_arrive_while_the_robot_drives_on() -> None:
+def test_refused_reports_are_delivered_during_later_drive() -> None:
     run = Command(
         "sar-run",
         "search_and_rescue_resilient",

@@ -1,4 +1,4 @@
-"""The parts of Nav2's stand-in, each a process of its own, killed alone while a mission drives: what is said, and what it costs."""
+"""Tests of killing single parts of Nav2's stand-in, each a separate process, while a mission drives."""
 
 import os
 import re
@@ -13,8 +13,8 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 PARTS = "python", "-m", "tests.sim.parts"
 
 
-class Flight:
-    """A mission on its way to its first zone, in a world of four processes.
+class DrivingMission:
+    """A mission that drives to its first zone, in a world of four processes.
 
     Attributes:
         mission: The command.
@@ -49,19 +49,19 @@ class Flight:
         os.kill(int(found), signal.SIGKILL)
         return Stopwatch(self.mission.pid)
 
-    def stands(self):
+    def wait_for_standstill(self):
         self._ros.spin_until(lambda: not any(self._speed[-10:]), "the robot's standing")
 
-    def begin_again(self, part, *options):
+    def restart(self, part, *options):
         self._begun.append(self._start(*PARTS, "--part", part, *options).wait_for(f"{part} runs"))
 
-    def completes_at_no_cost(self):
+    def require_completion_without_lost_attempt(self):
         assert self.mission.end() == 0, self.mission.output
         assert "postponed" not in self.mission.output
         assert "abandoned" not in self.mission.output
 
     def end(self):
-        """End the world, and wait until the shadows of the dead are gone, beside which no other world would begin."""
+        """End the world, and wait until killed processes have left the graph, because the next world would not start otherwise."""
         for each in (*self._begun, self._world):
             each.stop(within_sec=20.0)
         goals = "/navigate_to_pose/_action/send_goal"
@@ -69,49 +69,49 @@ class Flight:
 
 
 @pytest.fixture
-def flight(start, serve, ros):
-    """A mission on its way to its first zone."""
-    flight = Flight(start, serve, ros)
-    yield flight
-    flight.end()
+def driving(start, serve, ros):
+    """Return a mission that drives to its first zone."""
+    driving = DrivingMission(start, serve, ros)
+    yield driving
+    driving.end()
 
 
-def test_a_localisation_that_is_killed_alone_is_told_within_four_seconds_and_costs_no_attempt(flight):
-    stopwatch = flight.kill("amcl")
-    flight.mission.wait_for("Nav2 is no longer active: node amcl: /amcl/get_state has not responded")
+def test_killed_localisation_is_reported_within_4_s_and_costs_no_attempt(driving):
+    stopwatch = driving.kill("amcl")
+    driving.mission.wait_for("Nav2 is no longer active: node amcl: /amcl/get_state has not responded")
     assert stopwatch.own_sec < 4.0
-    flight.stands()
-    flight.mission.wait_for("waits to send its goal again: node amcl")
-    flight.begin_again("amcl", "--localised")
-    flight.completes_at_no_cost()
+    driving.wait_for_standstill()
+    driving.mission.wait_for("waits to send its goal again: node amcl")
+    driving.restart("amcl", "--localised")
+    driving.require_completion_without_lost_attempt()
 
 
-def test_nothing_drives_when_the_controller_is_killed_alone_and_it_costs_no_attempt(flight):
-    flight.kill("controller_server")
-    flight.stands()
-    flight.mission.wait_for("node controller_server: /controller_server/get_state has not responded for 2 s")
-    assert "follow_path has fallen silent" in flight._world.output
-    flight.begin_again("controller_server")
-    flight.completes_at_no_cost()
+def test_robot_stops_if_controller_is_killed_and_it_costs_no_attempt(driving):
+    driving.kill("controller_server")
+    driving.wait_for_standstill()
+    driving.mission.wait_for("node controller_server: /controller_server/get_state has not responded for 2 s")
+    assert "follow_path has fallen silent" in driving._world.output
+    driving.restart("controller_server")
+    driving.require_completion_without_lost_attempt()
 
 
-def test_a_navigator_that_is_killed_alone_is_told_and_costs_no_attempt_though_its_controller_drives_on(
-    flight,
+def test_killed_navigator_is_reported_and_costs_no_attempt(
+    driving,
 ):
-    flight.kill("bt_navigator")
-    flight.mission.wait_for(
+    driving.kill("bt_navigator")
+    driving.mission.wait_for(
         "Nav2 is no longer active: node bt_navigator: /bt_navigator/get_state has not responded"
     )
-    flight.mission.wait_for(
+    driving.mission.wait_for(
         "waits to send its goal again: the server has sent no feedback for 2 s, and node bt_navigator does not respond"
     )
-    flight.mission.wait_for("Cancelling every goal (")
-    flight.stands()
-    flight.begin_again("bt_navigator")
-    flight.completes_at_no_cost()
+    driving.mission.wait_for("Cancelling every goal (")
+    driving.wait_for_standstill()
+    driving.restart("bt_navigator")
+    driving.require_completion_without_lost_attempt()
 
 
-def test_a_goal_is_sent_on_to_the_controller_every_second_as_by_nav2_and_the_drive_goes_on(flight, ros):
+def test_navigator_resends_goal_to_controller_without_interrupting_drive(driving, ros):
     """Each goal of `follow_path` but the last one ends aborted."""
     from action_msgs.msg import GoalStatusArray
     from nav2_msgs.action import NavigateToPose
@@ -125,8 +125,8 @@ def test_a_goal_is_sent_on_to_the_controller_every_second_as_by_nav2_and_the_dri
 
     for name in statuses:
         topic, on_message = f"{name}/_action/status", lambda message, name=name: on_statuses(name, message)
-        flight._node.create_subscription(GoalStatusArray, topic, on_message, 10)
-    flight._node.create_subscription(
+        driving._node.create_subscription(GoalStatusArray, topic, on_message, 10)
+    driving._node.create_subscription(
         NavigateToPose.Impl.FeedbackMessage,
         "navigate_to_pose/_action/feedback",
         lambda message: driven_sec.append(message.feedback.navigation_time.sec),
@@ -143,4 +143,4 @@ def test_a_goal_is_sent_on_to_the_controller_every_second_as_by_nav2_and_the_dri
     )
     assert aborted not in statuses["navigate_to_pose"].values()
     assert max(driven_sec) >= 5
-    flight.completes_at_no_cost()
+    driving.require_completion_without_lost_attempt()

@@ -1,4 +1,4 @@
-"""Each reader of a file that a person writes says file, line and column of what is wrong with it; a new reader is red until it does."""
+"""Tests that each reader of a file that people write reports errors with file, line and column; a new reader must be added."""
 
 import re
 from pathlib import Path
@@ -11,14 +11,14 @@ from tests.trees import document
 
 __all__ = ["folder"]  # a fixture
 
-# Per form of file: a text that is not of the form, and where.
+# For each form of file, a malformed text and the location of its error.
 MALFORMED = {
     "xml": ("<root BTCPP_format='4'>\n  <BehaviorTree ID='A'", "2:3"),
     "yaml": ("a: 1\nb: [", "2:5"),
     "toml": ("a = 1\nb = ", "2:4"),
     "json": ('{"a": 1,\n"b": }', "2:6"),
 }
-# Of each reader, a well-formed file with a wrong value, and where.
+# For each surface, a well-formed file with a wrong value and its location.
 PLANTED = {
     "a tree": (document("\n<Sleep msec='soon'/>"), "4:14"),
     "a tree that is fixed": (document("\n<Sleep msec='soon'/>"), "4:14"),
@@ -36,14 +36,14 @@ PLANTED = {
     "a world": ("walls: []\nrobot: {x: 0, y: 0, radius: wide}", "2:29"),
     "the map of a world": ("image: a.pgm\nresolution: fine\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2", "2:13"),
 }  # fmt: skip
-# What no person writes, or where the place is that of the file that names it.
-WITHOUT_PLACE = {
+# Surfaces of files that people do not write, or whose errors are located in the file that names them.
+WITHOUT_LOCATION = {
     "a tree that is formatted": "only whether it is well-formed is asked",
-    "a tree of a set": "its mistakes are those of a tree",
-    "a palette that lies beside a tree": "nobody has named it, so it is passed over",
+    "a tree of a set": "its errors are those of a tree",
+    "a palette that lies beside a tree": "the user has not named it, so it is skipped",
     "the trace of a scenario": "recorded by the project; the difference is shown",
     "properties that are approved": "read for its digest alone",
-    "the image of a map": "a picture; the place is that of its name in the map",
+    "the image of a map": "an image; the location is that of its name in the map",
     "the poses of robots": "written by the project",
     "a journal": "written by the project",
     "a recorded run": "written by another program, in binary: findings name the byte or the message",
@@ -53,7 +53,7 @@ WITHOUT_PLACE = {
     "the refused start beside a journal": "written by the project",
     "an approval": "written by the project",
     "a module that is trusted": "read for its digest alone",
-    "a module of a package": "searched for a word; what goes wrong when it is imported has a test below",
+    "a module of a package": "searched for a word; errors of its import have a test below",
     "the metadata of a package": "written by a builder of packages",
     **dict.fromkeys(
         ("a tree in an editor", "an include in an editor", "a palette in an editor", "a tree of a set in an editor", "settings in an editor"),
@@ -62,8 +62,8 @@ WITHOUT_PLACE = {
 }  # fmt: skip
 
 
-def places_said(name, text, capsys):
-    """Return the places in the file that are named when a surface has read a text."""
+def reported_locations(name, text, capsys):
+    """Return the locations that are reported when a surface reads a text, and the output."""
     surface = SURFACES[name]
     path = "odd.xml" if surface.form == "xml" else "odd"
     Path(path).write_text(text, encoding="utf-8")
@@ -73,16 +73,16 @@ def places_said(name, text, capsys):
     return re.findall(rf"{file}:(\d+:\d+)", out + err), out + err
 
 
-def test_each_surface_has_a_planted_mistake_or_a_reason():
-    """Plant a mistake for a new reader in `PLANTED`, or say in `WITHOUT_PLACE` why nobody writes such a file."""
-    assert PLANTED.keys() | WITHOUT_PLACE.keys() == SURFACES.keys()
-    assert PLANTED.keys() & WITHOUT_PLACE.keys() == set()
+def test_each_surface_has_a_planted_error_or_a_reason():
+    """Add an error for a new reader to `PLANTED`, or the reason for having none to `WITHOUT_LOCATION`."""
+    assert PLANTED.keys() | WITHOUT_LOCATION.keys() == SURFACES.keys()
+    assert PLANTED.keys() & WITHOUT_LOCATION.keys() == set()
 
 
 @pytest.mark.parametrize("name", PLANTED)
-def test_a_wrong_value_is_reported_with_its_line_and_column(name, capsys):
+def test_wrong_value_is_reported_with_line_and_column(name, capsys):
     text, place = PLANTED[name]
-    said, output = places_said(name, text, capsys)
+    said, output = reported_locations(name, text, capsys)
     assert place in said, output
 
 
@@ -94,9 +94,9 @@ def test_a_wrong_value_is_reported_with_its_line_and_column(name, capsys):
         if not SURFACES[each].is_sought and each != "parameters"
     ],
 )
-def test_a_file_that_is_not_of_its_form_is_reported_where_it_goes_wrong(name, capsys):
+def test_malformed_file_is_reported_with_line_and_column(name, capsys):
     text, place = MALFORMED[SURFACES[name].form]
-    said, output = places_said(name, text, capsys)
+    said, output = reported_locations(name, text, capsys)
     assert place in said, output
 
 
@@ -115,9 +115,7 @@ def test_a_file_that_is_not_of_its_form_is_reported_where_it_goes_wrong(name, ca
         ("import json\nfirst = 1\nsecond = json.loads('{')\n", r"3:\d+: .*: JSONDecodeError"),
     ],
 )
-def test_a_module_of_leaves_that_cannot_be_imported_is_reported_with_its_line(
-    text, place, folder, monkeypatch, capsys
-):
+def test_leaf_module_that_cannot_be_imported_is_reported_with_line(text, place, folder, monkeypatch, capsys):
     monkeypatch.syspath_prepend(str(folder))
     name = f"leaves_{abs(hash(text))}"
     Path(f"{name}.py").write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Whenever a mission dies, the next run goes on with it: nobody is lost, searched for, named or reported twice."""
+"""Tests of resuming a mission that was killed at any time: no survivor is lost, and none is named or reported twice."""
 
 import random
 import signal
@@ -19,7 +19,7 @@ TREES = ("search_and_rescue", "search_and_rescue_resilient")
 
 @pytest.fixture
 def mortal(ros, tmp_path):
-    """Make missions that die as a test says."""
+    """Return a function that makes missions that can be killed."""
     made: list[Mortal] = []
 
     def make(tree):
@@ -42,7 +42,7 @@ SOME_FACTS, ALL_FACTS = 5, 1
         pytest.param(TREES[1], ALL_FACTS, 4, marks=pytest.mark.slow),
     ],
 )
-def test_a_mission_that_dies_at_any_fact_ends_as_one_that_does_not(mortal, tree, step, refused):
+def test_mission_killed_at_any_event_ends_like_undisturbed_one(mortal, tree, step, refused):
     undisturbed = mortal(tree)
     undisturbed.refuse(refused)
     assert undisturbed.live()
@@ -62,12 +62,12 @@ def test_a_mission_that_dies_at_any_fact_ends_as_one_that_does_not(mortal, tree,
 
 
 @pytest.mark.parametrize("tree", TREES)
-def test_a_mission_that_dies_again_and_again_gets_to_its_end(mortal, tree):
+def test_repeatedly_killed_mission_reaches_its_end(mortal, tree):
     undisturbed = mortal(tree)
     undisturbed.live()
     mission = mortal(tree)
     lives = 1
-    # Each life gets two facts further than it needs to find its way back.
+    # Each life records two more events than it needs to return to the earlier state.
     while not mission.live(4, written=True):
         lives += 1
         assert lives < 40
@@ -75,7 +75,7 @@ def test_a_mission_that_dies_again_and_again_gets_to_its_end(mortal, tree):
 
 
 @pytest.mark.parametrize("tree", TREES)
-def test_a_mission_that_dies_while_its_disk_is_full_ends_as_one_that_does_not(mortal, tree):
+def test_mission_killed_with_full_disk_ends_like_undisturbed_one(mortal, tree):
     undisturbed = mortal(tree)
     undisturbed.live()
     mission = mortal(tree)
@@ -87,7 +87,7 @@ def test_a_mission_that_dies_while_its_disk_is_full_ends_as_one_that_does_not(mo
     assert {key: count for key, count in kinds(mission.place).items() if count > 1 and key[0] in ONCE} == {}
 
 
-def test_where_facts_are_lost_nobody_has_the_name_that_somebody_else_was_reported_under(mortal, monkeypatch):
+def test_reported_survivor_name_is_not_reused_after_lost_events(mortal, monkeypatch):
     from sar_compiler.journal import spill_file
 
     monkeypatch.setattr(spill_file, "_SLOT_BYTES", 330)
@@ -103,7 +103,7 @@ def test_where_facts_are_lost_nobody_has_the_name_that_somebody_else_was_reporte
     assert [survivor.survivor_id for survivor in mission.record.survivors] == ["survivor_2", "survivor_3"]
 
 
-def test_a_goal_that_was_left_active_is_cancelled_before_another_is_sent(mortal):
+def test_orphaned_goal_is_canceled_before_next_goal_is_sent(mortal):
     mission = mortal("search_and_rescue")
     mission.nav.script = []
     runner = mission.begin()
@@ -117,7 +117,7 @@ def test_a_goal_that_was_left_active_is_cancelled_before_another_is_sent(mortal)
     assert mission.nav.goals[0].final == "canceled"
 
 
-def test_a_goal_whose_server_does_not_cancel_it_is_waited_for(mortal):
+def test_uncanceled_orphaned_goal_is_awaited(mortal):
     mission = mortal("search_and_rescue")
     mission.nav.script, mission.nav.heed_cancel = [], False
     runner = mission.begin()
@@ -136,11 +136,11 @@ def test_a_goal_whose_server_does_not_cancel_it_is_waited_for(mortal):
     journal.close()
 
 
-def test_reports_that_were_kept_are_delivered_by_the_next_run(mortal):
+def test_stored_reports_are_delivered_by_next_run(mortal):
     mission = mortal("search_and_rescue_resilient")
     acknowledge = mission.report.answer
     mission.report.answer = lambda _, response: setattr(response, "acknowledged", False)
-    # Three attempts at the report of zone_a are facts 5 to 7; then it is kept.
+    # Three attempts to report the survivor of zone_a are events 5 to 7; then the report is stored.
     assert not mission.live(8, written=True)
     assert kinds(mission.place)["report_kept", "survivor_1"] == 1
     mission.report.answer = acknowledge
@@ -151,9 +151,9 @@ def test_reports_that_were_kept_are_delivered_by_the_next_run(mortal):
     assert {each.survivor_id for each in mission.report.requests} == {"survivor_1", "survivor_2"}
 
 
-def test_frames_of_survivors_are_published_again(mortal):
+def test_survivor_frames_are_published_again(mortal):
     mission = mortal("search_and_rescue")
-    # Visited zone_a with its survivor: the name, the report and the visit are facts 4 to 7.
+    # zone_a with its survivor is visited: the name, the report and the visit are events 4 to 7.
     assert not mission.live(8)
     assert kinds(mission.place)["zone_visited", "zone_a"] == 1
     listener = mission.stage.static_frames(mission.stage.host().node)
@@ -167,8 +167,8 @@ SIMULATED = ("--sim", "--speed", 20)
 TWO_ZONES = ("--ros-args", "-p", "zone_order:=[zone_a, zone_b]")
 
 
-def killed(start, dies_at, written, *arguments):
-    """Run a mission that dies at a fact."""
+def run_killed_mission(start, dies_at, written, *arguments):
+    """Run a mission that is killed at an event."""
     run = start("python", "-c", KILLER, dies_at, written, *arguments)
     assert run.end() == -signal.SIGKILL, run.output
     return run
@@ -176,9 +176,9 @@ def killed(start, dies_at, written, *arguments):
 
 @pytest.mark.costly
 @pytest.mark.parametrize("tree", TREES)
-def test_a_simulated_mission_killed_between_name_and_report_is_resumed(start, tmp_path, tree):
+def test_simulated_mission_killed_between_name_and_report_is_resumed(start, tmp_path, tree):
     place = tmp_path / "mission.journal"
-    dead = killed(start, 5, "before", tree, *SIMULATED, "--journal", place, *TWO_ZONES)
+    dead = run_killed_mission(start, 5, "before", tree, *SIMULATED, "--journal", place, *TWO_ZONES)
     assert "Survivor detected at zone_a!" in dead.output
     refused = start("sar-run", tree, *SIMULATED, "--journal", place, *TWO_ZONES)
     assert refused.end() == 2
@@ -197,9 +197,7 @@ def test_a_simulated_mission_killed_between_name_and_report_is_resumed(start, tm
 
 
 @pytest.mark.costly
-def test_a_mission_killed_on_its_way_leaves_no_goal_and_tells_the_robot_no_pose(
-    world, start, witness, tmp_path
-):
+def test_mission_killed_while_driving_leaves_no_goal_and_sends_no_pose(world, start, witness, tmp_path):
     from geometry_msgs.msg import PoseWithCovarianceStamped
 
     place, watching, base = tmp_path / "mission.journal", witness(), world.base()
@@ -214,7 +212,7 @@ def test_a_mission_killed_on_its_way_leaves_no_goal_and_tells_the_robot_no_pose(
     end(run)
     hold(watching, base, place)
     assert len(poses) == told
-    # It would have been heard.
+    # The subscription works: a pose that the test publishes is received.
     publisher = watching.node.create_publisher(PoseWithCovarianceStamped, "initialpose", 10)
 
     def is_heard():
@@ -229,22 +227,24 @@ def test_a_mission_killed_on_its_way_leaves_no_goal_and_tells_the_robot_no_pose(
 @pytest.mark.parametrize("tree", TREES)
 @pytest.mark.parametrize("written", ["before", "written"])
 @pytest.mark.parametrize("dies_at", range(1, 14))
-def test_a_mission_killed_at_any_fact_is_resumed(world, start, witness, tmp_path, tree, written, dies_at):
+def test_mission_killed_at_any_event_is_resumed(world, start, witness, tmp_path, tree, written, dies_at):
     place, base = tmp_path / "mission.journal", world.base()
-    killed(start, dies_at, written, *arguments(place, tree))
+    run_killed_mission(start, dies_at, written, *arguments(place, tree))
     end(start("sar-run", *arguments(place, tree, "--resume")))
     hold(witness(), base, place)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
-def test_a_mission_killed_at_random_moments_is_resumed(world, start, witness, tmp_path, seed):
+def test_mission_killed_at_random_times_is_resumed(world, start, witness, tmp_path, seed):
     chance = random.Random(seed)  # noqa: S311 - as many as there are seeds
     place, base, tree = tmp_path / "mission.journal", world.base(), chance.choice(TREES)
     for life in range(4):
         more = ("--resume",) if life else ()
         run = start("python", "-c", TIMED_KILLER, chance.uniform(0.0, 3.0), *arguments(place, tree, *more))
-        if run.end() != -signal.SIGKILL or is_over(place):  # which it may be before the process has ended
+        if run.end() != -signal.SIGKILL or is_over(
+            place
+        ):  # the mission may be over before the process has ended
             break
     else:
         end(start("sar-run", *arguments(place, tree, "--resume")))

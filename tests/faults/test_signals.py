@@ -1,4 +1,4 @@
-"""Whatever ends a mission, and whatever it is doing then: it ends, no goal is left active, and no traceback is shown."""
+"""Tests of ending a mission by signals in any phase: it ends without a traceback, and no goal stays active."""
 
 import fcntl
 import os
@@ -17,7 +17,7 @@ from tests.trees import document
 
 pytestmark = pytest.mark.ros
 
-# The localisation knows where the last mission has left the robot.
+# The localisation already knows the robot's position from the previous mission.
 ROS = ("-p", "use_sim_time:=true", "-p", "set_initial_pose:=false")
 CANCELED = 5
 EXECUTING = 2
@@ -38,7 +38,7 @@ class Block(Behaviour):
         time.sleep(600)
         return Status.RUNNING
 """
-# The leaf blocks once the robot is on its way.
+# The leaf blocks once the robot drives.
 WHILE_DRIVING = """<Parallel success_count="2" failure_count="1">
   <NavigateToZone/>
   <Sequence><Sleep msec="3000"/><Block/></Sequence>
@@ -47,7 +47,7 @@ WHILE_DRIVING = """<Parallel success_count="2" failure_count="1">
 
 @pytest.fixture
 def blocking(tmp_path):
-    """A tree that drives to a zone, with a leaf that never returns from its `update`."""
+    """Return a tree that drives to a zone with a leaf whose `update` never returns, and its environment."""
     (tmp_path / "blocking_leaves.py").write_text(BLOCKING, encoding="utf-8")
     tree = tmp_path / "tree.xml"
     tree.write_text(document(WHILE_DRIVING), encoding="utf-8")
@@ -56,7 +56,7 @@ def blocking(tmp_path):
 
 @pytest.fixture(scope="module")
 def servers():
-    """All that a mission needs, in processes of their own; the robot stays where the last test has left it."""
+    """Start all servers of a mission in separate processes; the robot stays where the last test has left it."""
     commands = [
         Command("sar-sim", "run", "--localised").wait_for("runs"),
         Command("sar-detect-survivor-server").wait_for("ready"),
@@ -67,8 +67,8 @@ def servers():
         command.kill()
 
 
-def ask_until_over(command):
-    """Press Ctrl-C as somebody does who sees that nothing happens; a second request is one that comes later."""
+def interrupt_until_ended(command):
+    """Press Ctrl-C repeatedly until the command ends."""
     command.send(signal.SIGINT)
     for _ in range(100):
         if command._process.poll() is None:
@@ -77,18 +77,18 @@ def ask_until_over(command):
                 command._process.wait(0.2)
 
 
-def driving(goals):
-    """Return whether the latest goal is under way."""
+def is_driving(goals):
+    """Return whether the latest goal is active."""
     return goals[-1:] == [EXECUTING]
 
 
-def stopped(goals):
-    """Return whether the latest goal was cancelled, and no other is under way."""
+def is_stopped(goals):
+    """Return whether the latest goal was canceled and no other is active."""
     return goals[-1:] == [CANCELED] and EXECUTING not in goals
 
 
-class TestTheTerminalIsClosed:
-    def test_the_goal_is_cancelled_and_the_status_is_that_of_a_hangup(self, servers, witness, tmp_path):
+class TestClosedTerminal:
+    def test_goal_is_canceled_and_status_is_that_of_hangup(self, servers, witness, tmp_path):
         watching = witness()
         keyboard, terminal = os.openpty()
         log = (tmp_path / "log").open("w")
@@ -102,21 +102,21 @@ class TestTheTerminalIsClosed:
             stdin=terminal,
             stdout=terminal,
             stderr=log,
-            preexec_fn=take_terminal,  # noqa: PLW1509 - no other threads of this process are in its way
+            preexec_fn=take_terminal,  # noqa: PLW1509 - this process has no other threads that interfere
         )
         try:
             os.close(terminal)
-            watching.wait_for_goals(driving)
+            watching.wait_for_goals(is_driving)
             watching.wait_until_moving()
             os.close(keyboard)
             assert run.wait(60.0) == 128 + signal.SIGHUP
-            watching.wait_for_goals(stopped)
+            watching.wait_for_goals(is_stopped)
         finally:
             run.kill()
             log.close()
         assert "Traceback" not in (tmp_path / "log").read_text(encoding="utf-8")
 
-    def test_what_was_started_to_outlive_it_does(self, start):
+    def test_process_that_ignores_hangup_keeps_running(self, start):
         program = "import os, signal, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN); os.execv(sys.argv[1], sys.argv[1:])"
         server = subprocess.Popen(
             [sys.executable, "-c", program, BIN / "sar-report-survivor-server"],
@@ -134,75 +134,73 @@ class TestTheTerminalIsClosed:
             server.communicate()
 
 
-class TestTheSecondRequest:
-    def test_it_ends_a_run_whose_leaf_blocks_and_its_goal_is_cancelled(
-        self, servers, start, witness, blocking
-    ):
+class TestSecondSignal:
+    def test_run_with_blocking_leaf_ends_and_its_goal_is_canceled(self, servers, start, witness, blocking):
         tree, environment = blocking
         watching = witness()
         arguments = ("--nodes", "blocking_leaves", "--ros-args", *ROS)
         run = start("sar-run", tree, *arguments, env=environment).wait_for("blocked")
-        watching.wait_for_goals(driving)
-        ask_until_over(run)
+        watching.wait_for_goals(is_driving)
+        interrupt_until_ended(run)
         assert run.end() == 4, run.output
         assert "terminated at once after the second signal. The leaves were stopped" in run.output
-        watching.wait_for_goals(stopped)
+        watching.wait_for_goals(is_stopped)
 
-    def test_it_ends_a_command_that_blocks_while_it_imports(self, start, tmp_path):
+    def test_command_blocked_by_import_ends(self, start, tmp_path):
         (tmp_path / "endless.py").write_text("print('blocked', flush=True)\nimport time\ntime.sleep(600)\n")
         run = start("sar-run", "--nodes", "endless", env={"PYTHONPATH": str(tmp_path)}).wait_for("blocked")
-        ask_until_over(run)
+        interrupt_until_ended(run)
         assert run.end() == 130, run.output
 
-    def test_two_signals_at_once_are_one_request(self, servers, start, witness):
+    def test_simultaneous_signals_are_one_request(self, servers, start, witness):
         watching = witness()
         run = start("sar-run", "--ros-args", *ROS)
-        watching.wait_for_goals(driving)
+        watching.wait_for_goals(is_driving)
         run.send(signal.SIGTERM)
         run.send(signal.SIGINT)
         assert run.end() in (130, 143), run.output
         assert "Summary: the mission is incomplete." in run.output
-        watching.wait_for_goals(stopped)
+        watching.wait_for_goals(is_stopped)
 
 
-class TestAGuardian:
-    def test_it_cancels_the_goal_of_a_mission_that_is_killed(self, servers, start, witness):
+class TestGuardian:
+    def test_guardian_cancels_goal_of_killed_mission(self, servers, start, witness):
         watching = witness()
         run = start("sar-run", "--guardian", "--ros-args", *ROS)
-        watching.wait_for_goals(driving)
+        watching.wait_for_goals(is_driving)
         watching.wait_until_moving()
         run.send(signal.SIGKILL)
-        watching.wait_for_goals(stopped)
+        watching.wait_for_goals(is_stopped)
         run.wait_for(
             "the mission's process has ended: the server of /navigate_to_pose was requested to cancel the goal. The goal is cancelled"
         )
 
-    def test_it_ends_with_a_mission_that_ends_in_order(self, servers, start, witness):
+    def test_guardian_ends_with_mission(self, servers, start, witness):
         watching = witness()
         run = start("sar-run", "--guardian", "--ros-args", *ROS)
-        watching.wait_for_goals(driving)
+        watching.wait_for_goals(is_driving)
         (guardian,) = children_of(run._process.pid)
         assert run.stop(within_sec=5.0) == 130, run.output
         wait_for_end_of(guardian)
         assert "the mission's process has ended" not in run.output
 
-    def test_ctrl_c_in_a_terminal_does_not_reach_it(self, servers, start, witness):
+    def test_guardian_is_not_ended_by_ctrl_c_or_signals(self, servers, start, witness):
         watching = witness()
         run = start("sar-run", "--guardian", "--ros-args", *ROS)
-        watching.wait_for_goals(driving)
+        watching.wait_for_goals(is_driving)
         (guardian,) = children_of(run._process.pid)
         assert os.getpgid(guardian) != os.getpgid(run._process.pid)
         os.kill(guardian, signal.SIGINT)
         os.kill(guardian, signal.SIGTERM)
         os.kill(guardian, signal.SIGHUP)
         run.send(signal.SIGKILL)
-        watching.wait_for_goals(stopped)
+        watching.wait_for_goals(is_stopped)
 
 
 COMMANDS = dict(
     re.findall(r'^(sar-[\w-]+) = "([\w.:]+)"$', Path("pyproject.toml").read_text("utf-8"), re.MULTILINE)
 )
-STOPPED = {
+EXIT_STATUSES = {
     "sar-run": 130,
     "sar-compile": 130,
     "sar-journal": 130,
@@ -210,8 +208,8 @@ STOPPED = {
     "sar-detect-survivor-server": 0,
     "sar-report-survivor-server": 0,
 }
-# Calls a console script's function, and sends SIGINT in the midst of the n-th import from there on.
-FROM_THE_FIRST_LINE = """
+# Calls the function of a console script, and raises SIGINT during the n-th import after that.
+INTERRUPTED_IMPORT = """
 import importlib, signal, sys
 
 class Interrupting:
@@ -235,17 +233,17 @@ sys.exit(status)
 
 @pytest.mark.parametrize("moment", [1, 5, 20])
 @pytest.mark.parametrize("command", sorted(COMMANDS))
-def test_ctrl_c_in_the_first_moments_ends_every_command_without_a_traceback(command, moment):
+def test_ctrl_c_during_import_ends_every_command_without_traceback(command, moment):
     arguments = {
         "sar-sim": ["run"],
         "sar-compile": ["validate", "search_and_rescue"],
         "sar-journal": ["show", "no.journal"],
     }.get(command, [])
     done = subprocess.run(
-        [sys.executable, "-c", FROM_THE_FIRST_LINE, COMMANDS[command], str(moment), *arguments],
+        [sys.executable, "-c", INTERRUPTED_IMPORT, COMMANDS[command], str(moment), *arguments],
         capture_output=True,
         text=True,
         timeout=60.0,
         check=False,
     )
-    assert (done.returncode, done.stderr) == (STOPPED[command], ""), done
+    assert (done.returncode, done.stderr) == (EXIT_STATUSES[command], ""), done

@@ -1,4 +1,4 @@
-"""Whatever a mission dies of, its supervisor brings it to its end: nobody is lost, named or reported twice."""
+"""Tests of the supervisor: it resumes a mission after any crash, and no survivor is lost, named twice or reported twice."""
 
 import json
 import logging
@@ -18,7 +18,7 @@ __all__ = ["world"]
 
 pytestmark = pytest.mark.ros
 
-# A process that is stopped before its first sign is killed after a minute.
+# A process that is suspended before its first heartbeat is killed after a minute.
 _STOPPED_SEC = 150.0
 TREES = ("search_and_rescue", "search_and_rescue_resilient")
 LEAVES = """
@@ -55,7 +55,7 @@ class Misbehave(Behaviour):
 
 @pytest.fixture
 def misbehave(start, tmp_path, monkeypatch):
-    """Start a supervised mission whose leaf misbehaves in its first lives."""
+    """Return a function that starts a mission whose leaf misbehaves in its first lives."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "misbehaving.py").write_text(LEAVES, encoding="utf-8")
 
@@ -68,38 +68,38 @@ def misbehave(start, tmp_path, monkeypatch):
     return start_mission
 
 
-def shown():
-    """Return what is told of the journal."""
+def show_journal():
+    """Return the output of `sar-journal show`."""
     command = Command("sar-journal", "show", "run.journal")
     assert command.end() == 0
     return command.output
 
 
 @pytest.mark.parametrize("how", ["SIGKILL", "SIGSEGV"])
-def test_a_mission_that_has_died_is_resumed_and_it_is_told(misbehave, how):
+def test_crashed_mission_is_resumed_and_reported(misbehave, how):
     run = misbehave(2, how, "--supervise")
     assert run.end() == 0, run.output
     for number in (1, 2):
         assert f"sar-run: the mission has crashed (by {how}) and is resumed ({number} of 3)" in run.output
     assert f"The supervisor restarted the mission 2 times: by {how}; by {how}." in run.output
-    assert shown().count(f"by its supervisor (the previous process has died: by {how})") == 2
+    assert show_journal().count(f"by its supervisor (the previous process has died: by {how})") == 2
 
 
 @pytest.mark.costly
-def test_a_mission_that_stands_still_is_killed_and_resumed(misbehave):
+def test_blocked_mission_is_killed_and_resumed(misbehave):
     run = misbehave(1, "block", "--supervise")
     assert run.end() == 0, run.output
     assert "the mission has crashed (no heartbeat for 10 s) and is resumed (1 of 3)" in run.output
 
 
 @pytest.mark.costly
-def test_a_process_that_is_stopped_is_killed_and_its_mission_resumed(misbehave):
+def test_suspended_mission_is_killed_and_resumed(misbehave):
     run = misbehave(1, "SIGSTOP", "--supervise", "1")
     assert run.end() == 0, run.output
     assert "(no heartbeat for 10 s) and is resumed (1 of 1)" in run.output
 
 
-def test_one_that_dies_again_and_again_is_given_up_with_the_status_of_its_last_death(misbehave):
+def test_mission_that_keeps_crashing_is_given_up_with_its_last_status(misbehave):
     run = misbehave(9, "SIGKILL", "--supervise", "1")
     assert run.end() == 128 + signal.SIGKILL, run.output
     assert "the mission has crashed (by SIGKILL) after 1 restarts" in run.output
@@ -108,7 +108,7 @@ def test_one_that_dies_again_and_again_is_given_up_with_the_status_of_its_last_d
 
 
 @pytest.mark.costly
-def test_what_the_mission_needs_and_does_not_find_is_looked_for_again(start, tmp_path):
+def test_mission_with_missing_requirement_is_restarted(start, tmp_path):
     place = tmp_path / "run.journal"
     more = ("--supervise", 1, "--journal", place, "--ros-args", "-p", "startup_timeout_sec:=1.0")
     run = start("sar-run", *more)
@@ -117,14 +117,14 @@ def test_what_the_mission_needs_and_does_not_find_is_looked_for_again(start, tmp
     assert run.output.count("not ready after") == 2
 
 
-def test_an_end_of_its_own_is_the_end(misbehave):
+def test_stopped_mission_is_not_restarted(misbehave):
     run = misbehave(0, "SIGKILL", "--supervise", "--until", "failure")
     run.wait_for("starting again")
     assert run.stop(within_sec=5.0) == 130, run.output
     assert "has died" not in run.output
 
 
-def test_what_a_process_had_no_time_to_report_its_supervisor_does(misbehave, tmp_path):
+def test_supervisor_writes_reports_of_killed_process(misbehave, tmp_path):
     reports = ("--report", "run.html", "--report", "run.json")
     run = misbehave(0, "die before the report", "--supervise", *reports)
     assert run.end() == 0, run.output
@@ -134,7 +134,7 @@ def test_what_a_process_had_no_time_to_report_its_supervisor_does(misbehave, tmp
 
 
 def kill_after(run, child, seconds, how):
-    """Have a run's process end in a while, however far it is then."""
+    """Send a signal to a run's process after some seconds."""
 
     def kill():
         with suppress(ProcessLookupError):
@@ -145,8 +145,8 @@ def kill_after(run, child, seconds, how):
     timer.start()
 
 
-def harass(run, chance, kills, hows=(signal.SIGKILL,)):
-    """Kill the processes of a supervised mission at random moments; return how often that came before its end."""
+def kill_repeatedly(run, chance, kills, hows=(signal.SIGKILL,)):
+    """Kill the processes of a supervised mission at random times; return how often that happened before its end."""
     for number in range(1, kills + 1):
         found = run.wait_until(lambda: children_of(run.pid) or run.is_over, "a process")
         if run.is_over:
@@ -159,30 +159,30 @@ def harass(run, chance, kills, hows=(signal.SIGKILL,)):
     return kills
 
 
-def fly(start, world, witness, place, seed, *, kills, hows):
+def run_supervised_mission(start, world, witness, place, seed, *, kills, hows):
     chance = random.Random(seed)  # noqa: S311 - as many as there are seeds
     base = world.base()
     run = start("sar-run", *arguments(place, chance.choice(TREES), "--supervise", kills))
-    done = harass(run, chance, kills, hows)
+    done = kill_repeatedly(run, chance, kills, hows)
     end(run)
     hold(witness(), base, place)
     return done
 
 
 @pytest.mark.costly
-def test_a_supervised_mission_killed_at_random_moments_gets_to_its_end(world, start, witness, tmp_path):
-    fly(start, world, witness, tmp_path / "run.journal", 0, kills=3, hows=[signal.SIGKILL])
+def test_supervised_mission_killed_at_random_times_reaches_its_end(world, start, witness, tmp_path):
+    run_supervised_mission(start, world, witness, tmp_path / "run.journal", 0, kills=3, hows=[signal.SIGKILL])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 13))
-def test_supervised_missions_killed_and_stopped_get_to_their_ends(world, start, witness, tmp_path, seed):
+def test_supervised_mission_killed_or_suspended_reaches_its_end(world, start, witness, tmp_path, seed):
     hows = [*[signal.SIGKILL] * 4, signal.SIGSTOP]
-    done = fly(start, world, witness, tmp_path / "run.journal", seed, kills=5, hows=hows)
+    done = run_supervised_mission(start, world, witness, tmp_path / "run.journal", seed, kills=5, hows=hows)
     logging.getLogger(__name__).info("killed or stopped %d times", done)
 
 
-def test_who_cannot_resume_says_so(start):
+def test_supervise_without_journal_is_refused(start):
     run = start("sar-run", "--supervise", "--journal", "none")
     assert run.end() == 2
     assert "--supervise resumes a mission from its journal: remove --journal none and --check" in run.output

@@ -1,4 +1,4 @@
-"""What changes around a mission while it runs is said, and acted on."""
+"""Tests of changes around a running mission, which are reported and handled."""
 
 import math
 import os
@@ -22,7 +22,7 @@ BLAMES = (
 )
 
 
-def test_a_clock_that_stops_ends_the_waits_and_is_told(fly, serve):
+def test_stopped_clock_ends_waits_and_is_reported(fly, serve):
     clock = serve("clock")
     navigation = serve("navigation", goals=[{"drive": 2.0, "end": "abort", "code": 105}, {}])
     run = fly(RESILIENT, use_sim_time="true")
@@ -33,11 +33,11 @@ def test_a_clock_that_stops_ends_the_waits_and_is_told(fly, serve):
     assert "Timeout" not in run.output
 
 
-def test_a_clock_that_stops_is_told_alone_although_the_transforms_stop_with_it(fly, serve):
+def test_stopped_clock_is_reported_without_missing_transforms(fly, serve):
     clock = serve("clock")
     navigation = serve("navigation", goals=[{"drive": 18.0}, {}], states={"amcl": None}, pose=[0.0, 0.0])
     localiser = serve("localiser")
-    # Its localiser does not follow the robot.
+    # The tolerance is large, because the scripted localiser does not follow the robot.
     run = fly(RESILIENT, use_sim_time="true", arrival_tolerance_m=100.0)
     navigation.wait_for("feedback")
     clock.order(stop=True)
@@ -51,10 +51,10 @@ def test_a_clock_that_stops_is_told_alone_although_the_transforms_stop_with_it(f
     assert "Transforms from 'map'" not in run.output
 
 
-def test_a_clock_that_jumps_is_told_once_and_changes_no_duration(fly, serve, tmp_path):
+def test_clock_jump_is_reported_once_and_changes_no_duration(fly, serve, tmp_path):
     clock = serve("clock")
     navigation = serve("navigation", goals=[{"drive": 3.0}, {}])
-    # With all that looks at the time: the run, its journal and its page.
+    # All users of the time are active: the run, its journal and its page.
     watched = ("--journal", tmp_path / "run.journal", "--view", "web", "--web-port", 0)
     run = fly(RESILIENT, *watched, use_sim_time="true", time_limit_sec=1000.0)
     navigation.wait_for("accepted")
@@ -67,7 +67,7 @@ def test_a_clock_that_jumps_is_told_once_and_changes_no_duration(fly, serve, tmp
     assert "time limit" not in run.output
 
 
-def test_a_second_server_is_told_and_one_of_the_navigation_ends_the_run(fly, serve):
+def test_second_server_is_reported_and_second_navigation_server_ends_run(fly, serve):
     navigation = serve("navigation", goals=ENDLESS)
     run = fly(RESILIENT)
     navigation.wait_for("accepted")
@@ -80,7 +80,7 @@ def test_a_second_server_is_told_and_one_of_the_navigation_ends_the_run(fly, ser
     navigation.wait_for("ended", how="cancel")
 
 
-def test_a_second_mission_on_the_same_robot_is_refused_before_it_sends_anything(fly, serve):
+def test_second_mission_on_same_robot_is_refused_before_sending_anything(fly, serve):
     navigation = serve("navigation", goals=ENDLESS)
     first = fly(RESILIENT)
     navigation.wait_for("accepted")
@@ -94,7 +94,7 @@ def test_a_second_mission_on_the_same_robot_is_refused_before_it_sends_anything(
     assert first.stop(within_sec=5.0) == 130
 
 
-def test_a_mission_begun_anew_away_from_the_base_tells_a_localised_robot_no_pose_and_asks(fly, serve):
+def test_mission_starting_away_from_base_sends_no_pose_to_localised_robot(fly, serve):
     navigation = serve("navigation", pose=[-0.44, 0.6])
     run = fly(RESILIENT, set_initial_pose="true")
     assert run.end() == 3, run.output
@@ -107,7 +107,7 @@ def test_a_mission_begun_anew_away_from_the_base_tells_a_localised_robot_no_pose
     assert fly(RESILIENT, set_initial_pose="true", **said).end() == 0
 
 
-def test_a_mission_that_was_killed_does_not_keep_the_next_one_from_its_robot(fly, serve):
+def test_killed_mission_does_not_block_robot_for_next_mission(fly, serve):
     navigation = serve("navigation", goals=[{"drive": 2.0}, {}])
     first = fly(RESILIENT)
     navigation.wait_for("accepted")
@@ -115,7 +115,7 @@ def test_a_mission_that_was_killed_does_not_keep_the_next_one_from_its_robot(fly
     assert fly(RESILIENT).end() == 0
 
 
-def test_a_mission_is_flown_among_thirty_other_participants(fly, serve, make_ros):
+def test_mission_completes_among_thirty_other_participants(fly, serve, make_ros):
     for number in range(30):
         make_ros().node(f"other_{number}")
     serve("navigation")
@@ -123,7 +123,7 @@ def test_a_mission_is_flown_among_thirty_other_participants(fly, serve, make_ros
     assert run.end() == 0, run.output
 
 
-def test_a_localisation_that_is_gone_is_told_and_waited_for(fly, serve):
+def test_inactive_localisation_is_reported_and_awaited(fly, serve):
     navigation = serve("navigation", goals=[{"drive": 1.0}, {"drive": 1.0, "end": "abort"}, {}])
     run = fly(RESILIENT, zones=("zone_a", "zone_b"))
     navigation.wait_for("accepted")
@@ -135,14 +135,12 @@ def test_a_localisation_that_is_gone_is_told_and_waited_for(fly, serve):
     assert "postponed" not in run.output
 
 
-def test_a_simulator_that_was_killed_and_started_again_is_given_the_last_pose_and_the_mission_completes(
-    start, serve, tmp_path
-):
-    # A simulation does not start beside the shadow of another one.
+def test_restarted_simulator_gets_last_pose_and_mission_completes(start, serve, tmp_path):
+    # A simulation does not start while a killed one is still in the graph; this profile removes it early.
     env = {"FASTRTPS_DEFAULT_PROFILES_FILE": "config/fastdds_profile.xml"}
     places = tmp_path / "places.json"
     serve("survivors", env)
-    # Slow: the robot is killed near the last place that its localisation has said, as one is that stands.
+    # The simulation is slow, so that it is killed near the last position that its localisation has published.
     world = start("sar-sim", "run", "--keep", places, "--speed", 0.25, env=env)
     ros = ("--ros-args", "-p", "use_sim_time:=true", "-p", "zone_order:=[zone_a]")
     mission = start("sar-run", RESILIENT, "--until", "complete", *ros, env=env)
@@ -157,7 +155,7 @@ def test_a_simulator_that_was_killed_and_started_again_is_given_the_last_pose_an
 
 
 def _wait_for_pose_away_from_the_start() -> None:
-    """Wait until a localisation has said that the robot is elsewhere than at the start, and the simulator has gone on after that."""
+    """Wait until the localisation reports a robot away from the start, and the simulator has continued after that."""
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from nav_msgs.msg import Odometry
 
@@ -184,7 +182,7 @@ def _wait_for_pose_away_from_the_start() -> None:
         watcher.close()
 
 
-def test_parameters_that_cannot_change_in_flight_are_refused(fly, serve):
+def test_parameters_fixed_during_run_are_refused(fly, serve):
     navigation = serve("navigation", goals=ENDLESS)
     run = fly(RESILIENT)
     navigation.wait_for("accepted")
@@ -192,7 +190,7 @@ def test_parameters_that_cannot_change_in_flight_are_refused(fly, serve):
 
     ros = Ros()
     try:
-        reasons = _set(ros, tick_rate_hz=5.0, **{"zones.zone_a.x": 99.0}, use_sim_time=True)
+        reasons = _set_parameters(ros, tick_rate_hz=5.0, **{"zones.zone_a.x": 99.0}, use_sim_time=True)
     finally:
         ros.close()
     assert [reason.partition(":")[0] for reason in reasons] == [
@@ -204,8 +202,8 @@ def test_parameters_that_cannot_change_in_flight_are_refused(fly, serve):
     assert run.stop(within_sec=5.0) == 130
 
 
-def _set(ros, **values):
-    """Return why each parameter cannot be set."""
+def _set_parameters(ros, **values):
+    """Try to set parameters; return the reason of each refusal."""
     from rcl_interfaces.srv import SetParameters
     from rclpy.parameter import Parameter
 
@@ -219,16 +217,16 @@ def _set(ros, **values):
     return [result.reason for result in results]
 
 
-def test_a_run_that_was_stopped_names_that_and_blames_no_server(fly, serve):
+def test_suspended_run_reports_suspension_and_blames_no_server(fly, serve):
     serve("clock")
     navigation = serve("navigation", goals=[{"drive": 16.0}, {}], states={"amcl": None}, pose=[0.0, 0.0])
     serve("localiser")
-    # Its localiser does not follow the robot, and its guardian is patient.
+    # The scripted localiser does not follow the robot, and the suspension must not count as a blocked tick.
     patient = {"arrival_tolerance_m": 100.0, "blocked_tick_timeout_sec": 60.0}
     run = fly(RESILIENT, use_sim_time="true", **patient)
     navigation.wait_for("feedback")
     run.send(signal.SIGSTOP)
-    # Ten a second: longer than anybody's patience for feedback, answers, transforms and the clock.
+    # At 10 per second, this is longer than the timeouts for feedback, responses, transforms and the clock.
     navigation.wait_for("feedback", times=120)
     run.send(signal.SIGCONT)
     run.wait_for("This process was suspended for ")
@@ -237,15 +235,15 @@ def test_a_run_that_was_stopped_names_that_and_blames_no_server(fly, serve):
     assert not any(blame in run.output for blame in BLAMES), run.output
 
 
-def test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_process(fly, serve, tmp_path):
+def test_suspended_run_that_receives_nothing_is_resumed_by_new_process(fly, serve, tmp_path):
     navigation = serve("navigation", goals=[{"drive": 30.0}, {}])
     run = fly(RESILIENT, "--supervise", "--journal", tmp_path / "run.journal")
     navigation.wait_for("feedback")
     (process,) = children_of(run.pid)
     os.kill(process, signal.SIGSTOP)
-    # Ten a second; a supervisor kills what is silent for 10 s.
+    # At 10 per second, this is shorter than the 10 s of silence after which a supervisor kills the run.
     navigation.wait_for("feedback", times=len(navigation.of("feedback")) + 40)
-    # In the graph, and not heard: as for who was forgotten, which is a matter of luck.
+    # A frozen server is in the graph but silent, which a suspension causes only by chance.
     navigation.freeze()
     os.kill(process, signal.SIGCONT)
     run.wait_for("Since this process was suspended, it has received nothing from amcl and bt_navigator")
@@ -258,7 +256,7 @@ def test_a_run_that_hears_nobody_after_it_stood_still_is_resumed_by_another_proc
     assert not any(blame in run.output for blame in BLAMES), run.output
 
 
-def test_a_supervisor_that_stood_still_itself_blames_no_run_for_its_silence(fly, serve, tmp_path):
+def test_suspended_supervisor_blames_no_run(fly, serve, tmp_path):
     navigation = serve("navigation", goals=[{"drive": 18.0}, {}])
     run = fly(RESILIENT, "--supervise", "--journal", tmp_path / "run.journal")
     navigation.wait_for("feedback")
@@ -266,7 +264,7 @@ def test_a_supervisor_that_stood_still_itself_blames_no_run_for_its_silence(fly,
     (guardian,) = children_of(child)
     for process in (guardian, child, run.pid):
         os.kill(process, signal.SIGSTOP)
-    # As on a machine that sleeps; ten a second, and 10 s are silence.
+    # As on a sleeping machine: at 10 per second, this is longer than the 10 s that count as silence.
     navigation.wait_for("feedback", times=len(navigation.of("feedback")) + 120)
     for process in (run.pid, child, guardian):
         os.kill(process, signal.SIGCONT)

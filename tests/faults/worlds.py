@@ -1,4 +1,4 @@
-"""A robot, its Nav2 and a base station that outlive missions, and what must have become of a mission in the end."""
+"""A simulated robot, its Nav2 and a base station that outlive missions, and checks of a completed mission."""
 
 import re
 
@@ -22,7 +22,7 @@ def is_over(place):
 
 
 class World:
-    """A robot, its Nav2 and the detector, which outlive missions; and a base station for each mission.
+    """A robot, its Nav2 and the detection server, which outlive missions, and a base station for each mission.
 
     Args:
         begin: Starts a command.
@@ -35,7 +35,7 @@ class World:
         self.detector = begin("sar-detect-survivor-server").wait_for("ready")
 
     def base(self):
-        """Return a base station that has heard of nobody."""
+        """Return a new base station without reports."""
         if self._base is not None:
             self._base.stop()
         self._base = self._begin("sar-report-survivor-server").wait_for("ready")
@@ -44,7 +44,7 @@ class World:
 
 @pytest.fixture(scope="module")
 def world():
-    """Start a world once."""
+    """Start a world once for the module."""
     commands = []
 
     def begin(*command):
@@ -57,19 +57,19 @@ def world():
 
 
 def arguments(place, tree, *more):
-    """Return the arguments of a mission in a world of its own."""
+    """Return the arguments of `sar-run` for a mission in a world."""
     zones = ("-p", "zone_order:=[zone_a, zone_b]", "-p", "use_sim_time:=true")
     return (tree, "--until", "complete", "--journal", place, *more, "--ros-args", *zones)
 
 
 def end(run):
-    """Wait for the end of a mission that must be complete."""
+    """Wait for the end of a mission, and assert that it is complete."""
     assert run.end() == 0, run.output
     assert ACKNOWLEDGED in run.output
 
 
 def hold(watching, base, place):
-    """Hold what became of a mission that has ended against an undisturbed one."""
+    """Assert that a completed mission has the same results as an undisturbed one."""
     received = re.findall(r"Report received: (\S+ at \(.*?\))", base.output)
     assert received == ["survivor_1 at (-2.50, 3.20)"]
     found = kinds(place)
