@@ -1,4 +1,4 @@
-"""What a person has approved is what was read then, and nothing else."""
+"""Tests of approvals: only the approved files, parameters and properties may be used."""
 
 import json
 from pathlib import Path
@@ -18,8 +18,8 @@ ELSEWHERE = '<BehaviorTree ID="Elsewhere"><AlwaysFailure/></BehaviorTree>'
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """Work in an empty folder, as a user who has approved nothing."""
+def empty_folder(tmp_path, monkeypatch):
+    """Work in an empty folder, as a user without approvals."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     (tmp_path / "work").mkdir()
     monkeypatch.chdir(tmp_path / "work")
@@ -38,7 +38,7 @@ def approve(capsys, *arguments):
 
 
 def refusal(name, tree_id=None, params=None, properties=None, **changed):
-    """Return why a tree may not be started, with parameters of which some are changed; None if it may."""
+    """Return why a tree may not start, with some parameters changed; None if it may."""
     tree = load(name)
     try:
         check = ApprovalCheck(tree, tree_id, params, properties)
@@ -51,14 +51,14 @@ def refusal(name, tree_id=None, params=None, properties=None, **changed):
     return None
 
 
-def test_a_tree_that_nobody_has_approved_is_refused_with_what_to_type(tree):
+def test_unapproved_tree_is_refused_with_approve_command(tree):
     said = refusal(tree)
     assert said is not None
     assert said.startswith("whole.xml is not approved")
     assert said.endswith("sar-compile approve whole.xml")
 
 
-def test_what_was_approved_may_start_as_long_as_it_is_so(tree, capsys):
+def test_approved_tree_may_start_while_unchanged(tree, capsys):
     status, said, _ = approve(capsys, tree, "--by", "Ada")
     assert status == 0
     assert "whole.xml (Whole): approved by Ada on 2" in said
@@ -69,7 +69,7 @@ def test_what_was_approved_may_start_as_long_as_it_is_so(tree, capsys):
 
 
 @pytest.mark.parametrize("changed", ["whole.xml", "part.xml"])
-def test_the_file_that_has_changed_is_named(tree, changed, capsys):
+def test_changed_file_is_named(tree, changed, capsys):
     approve(capsys, tree, "--by", "Ada")
     with Path(changed).open("a", encoding="utf-8") as file:
         file.write("\n")
@@ -79,7 +79,7 @@ def test_the_file_that_has_changed_is_named(tree, changed, capsys):
     assert f": {changed} has changed. Review the tree, then run: sar-compile approve whole.xml" in said
 
 
-def test_a_file_that_is_included_now_and_one_that_is_not_any_more_are_named(tree, capsys):
+def test_added_and_removed_included_files_are_named(tree, capsys):
     approve(capsys, tree)
     write("other.xml", PART)
     write("whole.xml", '<include path="other.xml"/>', WHOLE, main="Whole")
@@ -89,7 +89,7 @@ def test_a_file_that_is_included_now_and_one_that_is_not_any_more_are_named(tree
         assert each in said
 
 
-def test_the_files_of_a_set_that_trees_come_from_belong_to_it(capsys):
+def test_used_files_of_project_set_belong_to_approval(capsys):
     write("part.xml", '<include path="deep.xml"/>', PART.replace("<AlwaysSuccess/>", '<SubTree ID="Deep"/>'))
     write("deep.xml", PART.replace("Part", "Deep"))
     write("unused.xml", ELSEWHERE)
@@ -102,14 +102,14 @@ def test_the_files_of_a_set_that_trees_come_from_belong_to_it(capsys):
     assert "deep.xml has changed" in str(refusal("whole.xml"))
 
 
-def test_what_was_read_counts_and_not_what_stands_there_by_now(tree, capsys):
+def test_approval_check_uses_the_content_that_was_read(tree, capsys):
     approve(capsys, tree)
     read = load(tree)
     Path("part.xml").write_text("", encoding="utf-8")
     ApprovalCheck(read, None)
 
 
-def test_a_tree_with_errors_is_shown_and_refused(capsys):
+def test_errors_of_tree_are_printed_and_prevent_approval(capsys):
     write("wrong.xml", '<BehaviorTree ID="Main"><NoSuchNode/></BehaviorTree>')
     status, said, complaint = approve(capsys, "wrong.xml")
     assert status == 1
@@ -118,14 +118,14 @@ def test_a_tree_with_errors_is_shown_and_refused(capsys):
     assert not approval_folder().exists()
 
 
-def test_a_tick_that_raises_is_an_error_as_well(capsys):
+def test_raising_tick_prevents_approval(capsys):
     body = '<Sequence><Script code="a := \'x\'"/><ScriptCondition code="a * 2 == 6"/></Sequence>'
     write("raising.xml", f'<BehaviorTree ID="Main">{body}</BehaviorTree>')
     status, said, _ = approve(capsys, "raising.xml")
     assert (status, "error[failing-tick]" in said) == (1, True)
 
 
-def test_warnings_are_shown_and_keep_nobody_from_approving(capsys):
+def test_warnings_are_printed_and_do_not_prevent_approval(capsys):
     write("odd.xml", '<BehaviorTree ID="Main"><Inverter><Inverter><AlwaysSuccess/></Inverter></Inverter></BehaviorTree>',
           '<BehaviorTree ID="Unused"><AlwaysSuccess/></BehaviorTree>', main="Main")  # fmt: skip
     status, said, _ = approve(capsys, "odd.xml")
@@ -133,7 +133,7 @@ def test_warnings_are_shown_and_keep_nobody_from_approving(capsys):
     assert refusal("odd.xml") is None
 
 
-def test_a_proposal_has_findings_proofs_and_the_digest_by_which_it_is_approved(tree, capsys):
+def test_proposal_has_findings_proofs_and_digest_for_approval(tree, capsys):
     status, said, _ = approve(capsys, tree, "--propose")
     proposed = json.loads(said)
     assert (status, proposed["findings"], proposed["is_proved"]) == (0, [], True)
@@ -146,7 +146,7 @@ def test_a_proposal_has_findings_proofs_and_the_digest_by_which_it_is_approved(t
     assert refusal(tree) is None
 
 
-def test_what_is_not_as_it_was_proposed_is_not_approved(tree, capsys):
+def test_tree_that_differs_from_proposal_is_not_approved(tree, capsys):
     proposed = json.loads(approve(capsys, tree, "--propose")[1])
     write("part.xml", PART.replace("Success", "Failure"))
     status, _, said = approve(capsys, tree, "--digest", proposed["digest"])
@@ -154,14 +154,14 @@ def test_what_is_not_as_it_was_proposed_is_not_approved(tree, capsys):
     assert refusal(tree) is not None
 
 
-def test_the_digest_is_the_same_wherever_the_files_lie(tree, tmp_path, capsys):
+def test_digest_does_not_depend_on_folder(tree, tmp_path, capsys):
     first = json.loads(approve(capsys, tree, "--propose")[1])
     Path.cwd().rename(tmp_path / "moved")
     second = json.loads(approve(capsys, tmp_path / "moved" / tree, "--propose")[1])
     assert first["digest"] == second["digest"]
 
 
-def test_a_proposal_of_a_tree_with_errors_has_them_and_nothing_to_approve(capsys):
+def test_proposal_of_tree_with_errors_has_findings_and_no_approve_command(capsys):
     write("wrong.xml", '<BehaviorTree ID="Main"><NoSuchNode/></BehaviorTree>')
     status, said, _ = approve(capsys, "wrong.xml", "--propose")
     proposed = json.loads(said)
@@ -170,14 +170,14 @@ def test_a_proposal_of_a_tree_with_errors_has_them_and_nothing_to_approve(capsys
     assert "approve" not in proposed
 
 
-def test_a_proposal_of_what_is_no_xml_says_so(capsys):
+def test_proposal_of_malformed_xml_reports_it(capsys):
     Path("half.xml").write_text("<root", encoding="utf-8")
     status, said, _ = approve(capsys, "half.xml", "--propose")
     assert status == 1
     assert [each["code"] for each in json.loads(said)["findings"]] == ["malformed-xml"]
 
 
-def test_a_proposal_proves_the_properties_that_are_named(capsys):
+def test_proposal_checks_given_properties(capsys):
     write("looking.xml", '<BehaviorTree ID="Main"><DetectSurvivor/></BehaviorTree>')
     Path("p.yaml").write_text(
         "properties: {nobody is there: {never: DetectSurvivor found}}\n", encoding="utf-8"
@@ -188,7 +188,7 @@ def test_a_proposal_proves_the_properties_that_are_named(capsys):
     assert (status, answers["nobody is there"]) == (1, "does not hold")
 
 
-def test_what_is_approved_is_listed_and_revoked(tree, capsys):
+def test_approval_is_listed_and_revoked(tree, capsys):
     approve(capsys, tree, "--by", "Ada")
     (told,) = approve(capsys, "--list")[1].splitlines()
     assert "whole.xml (Whole): approved by Ada on 2" in told
@@ -199,7 +199,7 @@ def test_what_is_approved_is_listed_and_revoked(tree, capsys):
     assert (status, said) == (2, "sar-compile: whole.xml is not approved\n")
 
 
-def test_a_later_approval_takes_the_place_of_an_earlier_one(tree, capsys):
+def test_later_approval_replaces_earlier_one(tree, capsys):
     approve(capsys, tree, "--by", "Ada")
     approve(capsys, tree, "--by", "Grace")
     (told,) = approve(capsys, "--list")[1].splitlines()
@@ -207,21 +207,21 @@ def test_a_later_approval_takes_the_place_of_an_earlier_one(tree, capsys):
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", '{"file": 1}', "null"])
-def test_a_record_that_was_damaged_approves_nothing(tree, text, capsys):
+def test_damaged_approval_record_is_refused(tree, text, capsys):
     approve(capsys, tree)
     (record,) = approval_folder().iterdir()
     record.write_text(text, encoding="utf-8")
     assert "is not a valid approval. Delete it" in str(refusal(tree))
 
 
-def test_what_cannot_be_kept_is_not_approved(tree, capsys):
+def test_approval_that_cannot_be_stored_fails(tree, capsys):
     approval_folder().parent.parent.mkdir(parents=True, exist_ok=True)
     approval_folder().parent.write_text("in the way", encoding="utf-8")
     status, _, said = approve(capsys, tree)
     assert (status, "cannot store the approval of" in said) == (2, True)
 
 
-def test_who_names_no_file_is_told_what_to_name(capsys):
+def test_approve_without_file_asks_for_one(capsys):
     status, _, said = approve(capsys)
     assert (status, said) == (
         2,
@@ -236,13 +236,13 @@ TWO = (
 NEVER = "properties: {nobody is there: {never: DetectSurvivor found}}\n"
 
 
-class TestTheTreeThatIsRun:
+class TestApprovedTree:
     @pytest.fixture(autouse=True)
     def two_trees(self):
         write("two.xml", *TWO, main="Right")
         Path("p.yaml").write_text(NEVER, encoding="utf-8")
 
-    def test_another_tree_of_an_approved_file_may_not_start(self, capsys):
+    def test_other_tree_of_approved_file_may_not_start(self, capsys):
         approve(capsys, "two.xml")
         assert (refusal("two.xml"), refusal("two.xml", "Right")) == (None, None)
         said = refusal("two.xml", "Wrong")
@@ -250,7 +250,7 @@ class TestTheTreeThatIsRun:
         assert said.startswith("the tree 'Wrong' of two.xml is not approved (approved: Right)")
         assert said.endswith("sar-compile approve two.xml --tree=Wrong")
 
-    def test_both_trees_of_a_file_can_be_approved_and_are_revoked_with_it(self, capsys):
+    def test_both_trees_of_file_are_approved_separately_and_revoked_together(self, capsys):
         approve(capsys, "two.xml", "--by", "Ada")
         approve(capsys, "two.xml", "--tree", "Wrong", "--by", "Grace")
         assert (refusal("two.xml"), refusal("two.xml", "Wrong")) == (None, None)
@@ -260,20 +260,20 @@ class TestTheTreeThatIsRun:
         assert len(approve(capsys, "--revoke", "two.xml")[1].splitlines()) == 2
         assert refusal("two.xml") is not None
 
-    def test_a_tree_that_is_not_there_is_not_approved(self, capsys):
+    def test_missing_tree_is_not_approved(self, capsys):
         status, _, said = approve(capsys, "two.xml", "--tree", "Nowhere")
         assert (status, "Nowhere" in said) == (2, True)
         assert not approval_folder().exists()
 
     @pytest.mark.parametrize(("tree", "is_proved"), [("Right", True), ("Wrong", False)])
-    def test_what_is_proved_is_proved_of_the_tree_that_is_proposed(self, tree, is_proved, capsys):
+    def test_proof_is_about_the_proposed_tree(self, tree, is_proved, capsys):
         proposed = json.loads(
             approve(capsys, "two.xml", "--propose", "--tree", tree, "--properties", "p.yaml")[1]
         )
         assert (proposed["is_proved"], proposed["tree"]) == (is_proved, tree)
         assert f"--tree={tree}" in proposed["approve"]
 
-    def test_no_two_trees_have_one_digest(self, capsys):
+    def test_two_trees_have_different_digests(self, capsys):
         digests = {
             json.loads(approve(capsys, "two.xml", "--propose", "--tree", each)[1])["digest"]
             for each in ("Right", "Wrong")
@@ -291,21 +291,21 @@ PARAMETERS = """/**:
 """
 
 
-class TestTheParametersOfTheRun:
+class TestApprovedParameters:
     @pytest.fixture(autouse=True)
     def mission(self):
         write("mission.xml", '<BehaviorTree ID="Main"><ZonesRemaining/></BehaviorTree>')
         Path("q.yaml").write_text(PARAMETERS, encoding="utf-8")
 
-    def test_the_approved_ones_may_start_whichever_way_they_are_given(self, capsys):
+    def test_run_may_start_with_equal_parameters_from_any_source(self, capsys):
         assert approve(capsys, "mission.xml", "--params", "q.yaml")[0] == 0
         Path("other.yaml").write_text(f"# the same values\n{PARAMETERS}", encoding="utf-8")
         for params in ("q.yaml", "other.yaml"):
             assert refusal("mission.xml", params=Path(params)) is None
-        # What every node has, and an array for a list, as ROS gives it.
+        # Every node has use_sim_time, and ROS returns arrays for lists.
         assert refusal("mission.xml", params=Path("q.yaml"), use_sim_time=True, zone_order=("a", "b")) is None
 
-    def test_one_that_is_changed_is_named_with_both_values_and_how_to_approve_it(self, capsys):
+    def test_changed_parameter_is_named_with_both_values_and_approve_command(self, capsys):
         approve(capsys, "mission.xml", "--params", "q.yaml", "--by", "Ada")
         said = refusal("mission.xml", params=Path("q.yaml"), tick_rate_hz=50.0)
         assert said is not None
@@ -326,24 +326,24 @@ class TestTheParametersOfTheRun:
             ("[a, b]", "[b, a]", 'zone_order is ["b", "a"], but was ["a", "b"]'),
         ],
     )
-    def test_each_way_of_changing_the_file_is_refused(self, old, new, told, capsys):
+    def test_each_kind_of_parameter_change_is_refused(self, old, new, told, capsys):
         approve(capsys, "mission.xml", "--params", "q.yaml")
         assert old in PARAMETERS
         Path("q.yaml").write_text(PARAMETERS.replace(old, new), encoding="utf-8")
         assert f": {told}. Review the tree" in str(refusal("mission.xml", params=Path("q.yaml")))
 
-    def test_of_many_changes_three_are_named(self, capsys):
+    def test_at_most_three_changes_are_named(self, capsys):
         approve(capsys, "mission.xml")
         said = str(refusal("mission.xml", params=Path("q.yaml")))
         assert said.count(", but was ") == 3
         assert " more parameters. Review the tree" in said
 
-    def test_without_a_file_those_of_the_mission_are_approved(self, capsys):
+    def test_default_parameters_are_approved_without_file(self, capsys):
         approve(capsys, "mission.xml")
         assert refusal("mission.xml") is None
         assert "tick_rate_hz is 9.0" in str(refusal("mission.xml", tick_rate_hz=9.0))
 
-    def test_the_proof_is_one_for_the_parameters_and_they_are_part_of_the_digest(self, capsys):
+    def test_parameters_are_part_of_proposal_and_digest(self, capsys):
         first = json.loads(approve(capsys, "mission.xml", "--propose", "--params", "q.yaml")[1])
         assert (first["is_proved"], first["parameters"]["tick_rate_hz"]) == (True, 5.0)
         second = json.loads(approve(capsys, "mission.xml", "--propose")[1])
@@ -352,13 +352,13 @@ class TestTheParametersOfTheRun:
         assert approve(capsys, *command[2:])[0] == 0
         assert refusal("mission.xml", params=Path("q.yaml")) is None
 
-    def test_parameters_with_which_no_mission_can_begin_are_not_approved(self, capsys):
+    def test_invalid_parameters_are_not_approved(self, capsys):
         Path("q.yaml").write_text(PARAMETERS.replace("5.0", "-5.0"), encoding="utf-8")
         status, _, said = approve(capsys, "mission.xml", "--params", "q.yaml")
         assert (status, "tick_rate_hz" in said) == (2, True)
         assert not approval_folder().exists()
 
-    def test_the_areas_that_a_parameter_names_belong_to_it(self, capsys):
+    def test_areas_file_of_parameter_belongs_to_approval(self, capsys):
         square = [[11.0, 48.0], [11.001, 48.0], [11.001, 48.001], [11.0, 48.001], [11.0, 48.0]]
         area = {
             "type": "Feature",
@@ -375,12 +375,12 @@ class TestTheParametersOfTheRun:
         assert list(proposed["named"]) == ["areas_file"]
         approve(capsys, "mission.xml", "--params", "q.yaml")
         assert refusal("mission.xml", params=Path("q.yaml")) is None
-        # As little as a blank: who approves looks at the file, and not at what is read of it.
+        # Even a space counts: users approve the file, not the values read from it.
         Path("areas.geojson").write_text(f"{json.dumps(areas)} ", encoding="utf-8")
         assert "areas.geojson has changed" in str(refusal("mission.xml", params=Path("q.yaml")))
 
 
-class TestTheProperties:
+class TestApprovedProperties:
     @pytest.fixture(autouse=True)
     def looking(self):
         write("looking.xml", '<BehaviorTree ID="Main"><DetectSurvivor/></BehaviorTree>')
@@ -388,7 +388,7 @@ class TestTheProperties:
             "properties: {somebody is there: {never: DetectSurvivor nothing}}\n", encoding="utf-8"
         )
 
-    def test_a_run_is_watched_for_the_properties_that_were_approved_or_for_none(self, capsys):
+    def test_run_may_use_approved_properties_or_none(self, capsys):
         approve(capsys, "looking.xml", "--properties", "p.yaml")
         assert refusal("looking.xml", properties=Path("p.yaml")) is None
         assert refusal("looking.xml") is None
@@ -396,21 +396,21 @@ class TestTheProperties:
         said = str(refusal("looking.xml", properties=Path("p.yaml")))
         assert "p.yaml is not the approved properties file" in said
 
-    def test_properties_that_nobody_has_approved_watch_no_run(self, capsys):
+    def test_unapproved_properties_are_refused(self, capsys):
         approve(capsys, "looking.xml")
         said = str(refusal("looking.xml", properties=Path("p.yaml")))
         assert said.endswith("sar-compile approve looking.xml --properties=p.yaml")
 
-    def test_the_digest_of_a_proposal_is_one_of_its_properties_as_well(self, capsys):
+    def test_digest_of_proposal_includes_properties(self, capsys):
         proposed = json.loads(approve(capsys, "looking.xml", "--propose", "--properties", "p.yaml")[1])
         Path("p.yaml").write_text(NEVER, encoding="utf-8")
         status, _, said = approve(capsys, *proposed["approve"].split()[2:])
         assert (status, "it differs from the proposal" in said) == (2, True)
 
 
-class TestAFolderOfOthers:
+class TestFilesOfOtherUsers:
     @pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777])
-    def test_approvals_that_others_can_write_do_not_count(self, tree, mode, capsys):
+    def test_approval_folder_writable_by_others_is_ignored(self, tree, mode, capsys):
         approve(capsys, tree)
         approval_folder().chmod(mode)
         said = str(refusal(tree))
@@ -423,13 +423,13 @@ class TestAFolderOfOthers:
         assert refusal(tree) is None
 
     @pytest.mark.parametrize("mode", [0o666, 0o660, 0o602])
-    def test_a_record_that_others_can_write_does_not_count(self, tree, mode, capsys):
+    def test_approval_record_writable_by_others_is_ignored(self, tree, mode, capsys):
         approve(capsys, tree)
         (record,) = approval_folder().iterdir()
         record.chmod(mode)
         assert f"approvals in {record} are ignored: other users can write to it." in str(refusal(tree))
 
-    def test_a_folder_above_that_everybody_can_write_is_refused_unless_it_is_sticky(self, tree, capsys):
+    def test_world_writable_parent_folder_is_refused_unless_sticky(self, tree, capsys):
         approve(capsys, tree)
         above = approval_folder().parent.parent
         above.chmod(0o777)
@@ -439,10 +439,10 @@ class TestAFolderOfOthers:
         above.chmod(0o1777)
         assert refusal(tree) is None
 
-    def test_a_record_of_another_user_does_not_count(self, tree, capsys, monkeypatch):
+    def test_approval_record_of_other_user_is_ignored(self, tree, capsys, monkeypatch):
         approve(capsys, tree)
         monkeypatch.setattr("os.geteuid", lambda: 12345)
         for place in (approval_folder(), *approval_folder().iterdir()):
-            if place.stat().st_uid == 0:  # the tests run as root, whose files count for all
+            if place.stat().st_uid == 0:  # tests that run as root: root's files are trusted
                 monkeypatch.setattr("sar_compiler.analysis.approval._TRUSTED_OWNERS", ())
         assert "it belongs to another user" in str(refusal(tree))

@@ -1,4 +1,4 @@
-"""A tree is written as its findings suggest."""
+"""Tests of `validate --print-fixed`, and of the benchmark of fixes."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from sar_compiler.tree.diagnostic import Form
 from tests.cli.running import run
 from tests.trees import document
 
-MENDED = {
+FIXES = {
     "a tag without content": ("<NavigateToZne/>", "<NavigateToZone/>"),
     "a tag with an end tag": ("<NavigateToZne></NavigateToZne >", "<NavigateToZone></NavigateToZone >"),
     "a tag around others, in it again": (
@@ -34,28 +34,28 @@ def fixed(tmp_path, capsys, text, name="tree.xml"):
     return status, said
 
 
-@pytest.mark.parametrize("name", MENDED)
-def test_every_suggestion_is_taken_in_all_places_that_it_is_about(name, tmp_path, capsys):
-    wrong, right = MENDED[name]
+@pytest.mark.parametrize("name", FIXES)
+def test_every_suggestion_is_applied_at_all_its_locations(name, tmp_path, capsys):
+    wrong, right = FIXES[name]
     assert fixed(tmp_path, capsys, document(wrong)) == (0, document(right))
 
 
-def test_what_nobody_can_guess_is_left_with_the_status_of_errors(tmp_path, capsys):
+def test_error_without_suggestion_stays_with_error_status(tmp_path, capsys):
     text = document('<Sequence memroy="true"><Xyzzy/><Success/></Sequence>')
     assert fixed(tmp_path, capsys, text) == (1, text.replace("memroy", "memory"))
 
 
-def test_what_is_no_xml_is_printed_as_it_is(tmp_path, capsys):
+def test_malformed_xml_is_printed_unchanged(tmp_path, capsys):
     assert fixed(tmp_path, capsys, "<root") == (1, "<root")
 
 
-def test_a_file_in_yaml_is_mended_as_well(tmp_path, capsys):
+def test_yaml_file_is_fixed(tmp_path, capsys):
     text = "root:\n  BTCPP_format: 4\n  children:\n    - BehaviorTree:\n        ID: Main\n        children:\n          - Succes\n"
     assert fixed(tmp_path, capsys, text, "tree.yaml") == (0, text.replace("Succes", "Success"))
 
 
 @pytest.mark.parametrize("more", [["other.xml"], ["--fix"]])
-def test_one_file_is_printed_and_none_written(more, tmp_path, capsys):
+def test_print_fixed_refuses_several_files_and_fix_option(more, tmp_path, capsys):
     path = tmp_path / "tree.xml"
     path.write_text(document("<Succes/>"), encoding="utf-8")
     status, _, said = run(capsys, "validate", "--print-fixed", path, *more)
@@ -63,14 +63,14 @@ def test_one_file_is_printed_and_none_written(more, tmp_path, capsys):
     assert path.read_text(encoding="utf-8") == document("<Succes/>")
 
 
-def test_the_figure_is_about_the_same_slips_each_time_and_about_both_forms():
+def test_benchmark_typos_are_reproducible_and_cover_xml_and_yaml():
     made = list(typos(12))
     assert made == list(typos(12))
     assert {each.form for each in made} == {Form.XML, Form.YAML}
     assert all(each.right != each.wrong for each in made)
 
 
-def test_the_figure_tells_what_is_mended_from_what_is_not(tmp_path):
+def test_benchmark_distinguishes_fixed_from_unfixed_typos(tmp_path):
     each = next(each for each in typos(50) if each.where == "tag" and each.form is Form.XML)
     alone = each._replace(right=document("<Success/>"), wrong=document("<Succes/>"))
     assert fixed_typo(alone, tmp_path, lambda _finding: True) == (True, False)

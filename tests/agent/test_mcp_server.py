@@ -1,4 +1,4 @@
-"""The tools for agents, as the client of the Model Context Protocol's own SDK uses them: over the pipes of a real process."""
+"""Tests of the tools for agents, called by the client of the MCP SDK over the pipes of a real process."""
 
 import asyncio
 import json
@@ -26,7 +26,7 @@ TOOLS = {"nodes", "validate", "explain", "simulate", "verify", "predict", "diff"
 
 @pytest.fixture
 def work(tmp_path, monkeypatch):
-    """Work in the folder of an agent, as a user who has approved nothing."""
+    """Work in the folder of an agent, as a user without approvals."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     folder = tmp_path / "work"
     folder.mkdir()
@@ -41,7 +41,7 @@ def work(tmp_path, monkeypatch):
 
 
 def session(talk, *options):
-    """Start the server in the current folder, as an agent's program does, and return what a conversation with it comes to."""
+    """Start the server in the current folder, as an agent's program does; return the result of a conversation."""
     command = StdioServerParameters(
         command=str(BIN / "sar-compile"), args=["mcp", *map(str, options)], cwd=Path.cwd(), env={**os.environ}
     )
@@ -54,7 +54,7 @@ def session(talk, *options):
 
 
 def call(*calls, options=()):
-    """Call tools, and return for each its answer, or the text of its error."""
+    """Call tools; return the result of each, or the text of its error."""
 
     async def talk(client):
         results = [await client.call_tool(name, arguments) for name, arguments in calls]
@@ -63,7 +63,7 @@ def call(*calls, options=()):
     return session(talk, *options)
 
 
-def test_there_are_these_tools_and_none_that_approves_or_writes(work):
+def test_server_offers_only_read_only_tools(work):
     async def talk(client):
         return (await client.list_tools()).tools
 
@@ -72,8 +72,8 @@ def test_there_are_these_tools_and_none_that_approves_or_writes(work):
     assert all(each.description and each.annotations.read_only_hint for each in tools)
 
 
-# Each: a tool with its arguments, and the command that says the same.
-SAME = [
+# Tools with their arguments, and the commands with the same output.
+TOOL_COMMANDS = [
     ("nodes", {}, "nodes --format json"),
     ("nodes", {"tag": "Retry"}, "nodes Retry --format json"),
     ("validate", {"file": "right.xml"}, "validate right.xml --format json"),
@@ -99,10 +99,10 @@ def without_times(data):
     return {key: value for key, value in data.items() if key != "seconds"} if isinstance(data, dict) else data
 
 
-def test_a_tool_answers_what_the_command_says_and_leaves_the_folder_as_it_was(work, tmp_path):
+def test_tool_returns_command_output_and_changes_no_file(work, tmp_path):
     before = {path: path.read_bytes() for path in work.iterdir()}
-    answers = call(*((tool, arguments) for tool, arguments, _ in SAME))
-    for (_, _, command), answer in zip(SAME, answers, strict=True):
+    answers = call(*((tool, arguments) for tool, arguments, _ in TOOL_COMMANDS))
+    for (_, _, command), answer in zip(TOOL_COMMANDS, answers, strict=True):
         done = subprocess.run(
             [BIN / "sar-compile", *command.split()], capture_output=True, text=True, check=False
         )
@@ -114,20 +114,20 @@ def test_a_tool_answers_what_the_command_says_and_leaves_the_folder_as_it_was(wo
     assert not (tmp_path / "state" / "sar_compiler" / "approved").exists()
 
 
-def test_what_is_wrong_comes_with_the_text_as_it_is_suggested(work):
+def test_validate_returns_fixed_text_of_wrong_tree(work):
     right, wrong = call(("validate", {"file": "right.xml"}), ("validate", {"file": "wrong.xml"}))
     assert right["fixed"] is None
     assert wrong["fixed"] == WRONG.replace("Sequnce", "Sequence").replace("memroy", "memory")
 
 
-def test_a_tree_with_errors_is_not_verified_and_the_notes_have_them(work):
+def test_tree_with_errors_is_not_verified_and_notes_name_them(work):
     (answer,) = call(("verify", {"file": "wrong.xml"}))
     assert (answer["ok"], answer["output"]) == (False, None)
     assert "error[unknown-node]" in answer["notes"]
 
 
 OUTSIDE = ["../outside.xml", "/etc/passwd", "link.xml", "{above}/outside.xml"]
-NAMING = [
+PATH_ARGUMENTS = [
     ("validate", "file", {}),
     ("simulate", "file", {}),
     ("simulate", "scenario", {"file": "right.xml"}),
@@ -145,14 +145,16 @@ NAMING = [
 ]
 
 
-def test_no_argument_of_any_tool_reads_what_lies_outside(work):
+def test_no_tool_argument_reads_outside_the_folders(work):
     paths = [each.format(above=work.parent) for each in OUTSIDE]
-    answers = call(*((tool, {**others, name: path}) for tool, name, others in NAMING for path in paths))
-    assert len(answers) == len(NAMING) * len(OUTSIDE)
+    answers = call(
+        *((tool, {**others, name: path}) for tool, name, others in PATH_ARGUMENTS for path in paths)
+    )
+    assert len(answers) == len(PATH_ARGUMENTS) * len(OUTSIDE)
     assert [each for each in answers if "is outside the folders that the tools may read: " not in each] == []
 
 
-def test_a_call_names_a_file_and_no_option(work):
+def test_call_argument_is_never_parsed_as_option(work):
     folder, missing, option, code = call(
         ("validate", {"file": "."}),
         ("validate", {"file": "missing.xml"}),
@@ -165,7 +167,7 @@ def test_a_call_names_a_file_and_no_option(work):
     assert "there is no finding code '--help'" in code
 
 
-def test_the_folders_that_somebody_names_are_read_and_paths_begin_at_the_first(work, tmp_path):
+def test_all_roots_are_readable_and_paths_are_relative_to_the_first(work, tmp_path):
     inner = tmp_path / "inner"
     inner.mkdir()
     (inner / "other.xml").write_text(RIGHT, encoding="utf-8")
@@ -180,7 +182,7 @@ def test_the_folders_that_somebody_names_are_read_and_paths_begin_at_the_first(w
     assert "is outside the folders that the tools may read: " in above
 
 
-def test_paths_among_the_options_begin_where_the_server_was_started(work, tmp_path):
+def test_paths_in_options_are_relative_to_start_folder(work, tmp_path):
     model = '<root BTCPP_format="4"><TreeNodesModel><Action ID="Wave"/></TreeNodesModel></root>'
     (tmp_path / "palette.xml").write_text(model, encoding="utf-8")
     (work / "inner").mkdir()
@@ -190,7 +192,7 @@ def test_paths_among_the_options_begin_where_the_server_was_started(work, tmp_pa
     assert answer["output"] == []
 
 
-def test_the_options_about_nodes_are_those_of_every_call(work):
+def test_node_options_apply_to_every_call(work):
     calls = ("nodes", {"tag": "ComputePathToPose"}), ("verify", {"file": "right.xml"})
     known, verified = call(*calls, options=["--model", "nav2:jazzy", "--include-path", "."])
     assert [each["tag"] for each in known["output"]] == ["ComputePathToPose"]
@@ -199,7 +201,7 @@ def test_the_options_about_nodes_are_those_of_every_call(work):
     assert "there is no node 'ComputePathToPose'" in unknown
 
 
-def test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered(work):
+def test_call_over_time_limit_is_aborted_and_next_one_is_answered(work):
     given_up, outside = call(
         ("verify", {"file": "right.xml"}), ("validate", {"file": "/"}), options=["--limit", "0.01"]
     )
@@ -207,8 +209,8 @@ def test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered(wor
     assert "is outside" in outside
 
 
-WORDS = [
-    *((tool, {**others, name: None}) for tool, name, others in NAMING),
+TEXT_ARGUMENTS = [
+    *((tool, {**others, name: None}) for tool, name, others in PATH_ARGUMENTS),
     ("nodes", {"tag": None}),
     ("explain", {"code": None}),
     ("simulate", {"file": "right.xml", "until": None}),
@@ -217,10 +219,10 @@ WORDS = [
 ]
 
 
-def filled(arguments, word):
+def fill_arguments(arguments, word):
     """Return arguments with a word for None."""
     return {
-        name: word if value is None else filled(value, word) if isinstance(value, dict) else value
+        name: word if value is None else fill_arguments(value, word) if isinstance(value, dict) else value
         for name, value in arguments.items()
     }
 
@@ -230,8 +232,8 @@ def filled(arguments, word):
     ["a\0b.xml", "x" * 5000, "x" * 300_000],
     ids=["zero byte", "long", "too long to pass"],
 )
-def test_words_that_name_nothing_are_errors_in_a_line_and_the_server_says_nothing_of_them(work, word):
-    calls = [(tool, filled(arguments, word)) for tool, arguments in WORDS]
+def test_invalid_arguments_are_errors_without_traceback(work, word):
+    calls = [(tool, fill_arguments(arguments, word)) for tool, arguments in TEXT_ARGUMENTS]
     script = f"exec {BIN}/sar-compile mcp 2>complaints"
     command = StdioServerParameters(command="sh", args=["-c", script], cwd=work, env={**os.environ})
 
@@ -246,7 +248,7 @@ def test_words_that_name_nothing_are_errors_in_a_line_and_the_server_says_nothin
     assert "Traceback" not in (work / "complaints").read_text(encoding="utf-8")
 
 
-def test_a_file_that_is_exchanged_after_the_check_is_never_read_outside(work, tmp_path):
+def test_file_replaced_after_check_is_never_read_outside(work, tmp_path):
     secret = document("<AlwaysFailure/>", main="Secret")
     (tmp_path / "secret.xml").write_text(secret, encoding="utf-8")
     stop, rounds = threading.Event(), []
@@ -270,8 +272,8 @@ def test_a_file_that_is_exchanged_after_the_check_is_never_read_outside(work, tm
     assert [each for each in answers if "Secret" in str(each)] == []
 
 
-class TestACall:
-    """What the process of a call may read and take, whatever the server has looked at before."""
+class TestCallProcess:
+    """What the process of a call may read, and its limits."""
 
     @pytest.fixture
     def limited(self, work):
@@ -301,7 +303,7 @@ class TestACall:
         ],
         ids=" ".join,
     )
-    def test_reads_nothing_outside_the_folders(self, limited, words, work, tmp_path):
+    def test_call_reads_nothing_outside_the_folders(self, limited, words, work, tmp_path):
         (tmp_path / "elsewhere").mkdir()
         (tmp_path / "elsewhere" / "right.xml").write_text(RIGHT, encoding="utf-8")
         (work / "linked").symlink_to(tmp_path / "elsewhere")
@@ -309,13 +311,13 @@ class TestACall:
         assert done.returncode == 2
         assert "it is outside the folder of the agent" in done.stderr
 
-    def test_lists_no_folder_outside_the_folders(self, limited, work, tmp_path):
+    def test_call_lists_no_folder_outside_the_folders(self, limited, work, tmp_path):
         (work / "linked").symlink_to(tmp_path)
         done = limited("validate", "linked")
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr == "sar-compile: cannot read linked: it is outside the folder of the agent\n"
 
-    def test_is_nice_and_limited_in_its_memory(self):
+    def test_call_has_low_priority_and_memory_limit(self):
         program = (
             "import os, resource\n"
             "from sar_compiler.agent.call_limits import limit_this_process\n"
@@ -333,12 +335,12 @@ class TestACall:
         nice = min(os.nice(0) + 10, 19)
         assert done.stdout == f"{nice} {300 * 2**20} {300 * 2**20} False\n"
 
-    def test_that_needs_more_memory_says_so_in_a_line(self, limited):
+    def test_call_over_memory_limit_reports_it_in_one_line(self, limited):
         done = limited("verify", "search_sweeps", "--set", "zones_left=5", place="/", memory_mib=90)
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr == "sar-compile: there is not enough memory for this command\n"
 
-    def test_reads_the_configuration_above_its_folder_and_what_that_names(self, work):
+    def test_call_reads_configuration_above_root_and_files_it_names(self, work):
         (work / "sar.toml").write_text(
             'models = ["palettes/p.xml"]\n[project]\ntrees = ["sets/*.xml"]\n', encoding="utf-8"
         )
@@ -356,7 +358,7 @@ class TestACall:
         assert ["is outside" in each for each in outside] == [True, True]
 
     @pytest.mark.parametrize(("folder", "codes"), [("trees", []), (".", ["unknown-node"])])
-    def test_describes_nodes_by_palettes_around_a_file_within_the_root_alone(self, work, folder, codes):
+    def test_call_uses_nearby_palettes_only_within_the_root(self, work, folder, codes):
         # The repository is larger than the folder that the tools may read.
         (work / ".git").mkdir()
         (work / "trees").mkdir()
@@ -367,8 +369,8 @@ class TestACall:
         assert [each["code"] for each in answer["output"] if each["severity"] == "error"] == codes
 
 
-# In the place of `sar-compile`: writes when it begins and ends, and then does what its last word says.
-IN_ITS_PLACE = """
+# A replacement of `sar-compile`: logs its start and end, and does what its last argument says.
+FAKE_COMMAND = """
 import os, sys, time
 log = os.open("log", os.O_WRONLY | os.O_APPEND | os.O_CREAT)
 os.write(log, b"+")
@@ -384,10 +386,10 @@ os.write(log, b"-")
 """
 
 
-class TestManyCalls:
+class TestConcurrentCalls:
     @pytest.fixture
     def access(self, work):
-        (work / "command.py").write_text(IN_ITS_PLACE, encoding="utf-8")
+        (work / "command.py").write_text(FAKE_COMMAND, encoding="utf-8")
         return ToolAccess([work], 60.0, 2**31, [sys.executable, "command.py"])
 
     def together(self, access, count, word):
@@ -397,13 +399,13 @@ class TestManyCalls:
 
         return asyncio.run(calls())
 
-    def test_two_run_at_a_time_and_all_are_answered(self, access, work):
+    def test_two_calls_run_at_a_time_and_all_are_answered(self, access, work):
         assert self.together(access, 16, "stay") == [(0, "", "")] * 16
         marks = (work / "log").read_text(encoding="utf-8")
         running = [marks[:end].count("+") - marks[:end].count("-") for end in range(len(marks) + 1)]
         assert (max(running), len(marks)) == (2, 32)
 
-    def test_more_than_can_wait_are_refused_at_once(self, access):
+    def test_calls_beyond_queue_limit_are_refused(self, access):
         answers = self.together(access, 60, "")
         refused = [each for each in answers if isinstance(each, ToolError)]
         assert len(refused) == 10
@@ -417,12 +419,12 @@ class TestManyCalls:
             ("die", "verify was ended by signal 6. The server's option --memory limits it to 2048 MiB"),
         ],
     )
-    def test_a_call_that_takes_too_much_is_an_error_that_says_so(self, access, word, said):
+    def test_too_large_result_and_killed_call_are_reported(self, access, word, said):
         (answer,) = self.together(access, 1, word)
         assert str(answer) == said
 
-    def test_a_call_that_is_given_up_ends_its_process_and_lets_others_run(self, work):
-        (work / "command.py").write_text(IN_ITS_PLACE, encoding="utf-8")
+    def test_aborted_call_ends_its_process_and_frees_its_slot(self, work):
+        (work / "command.py").write_text(FAKE_COMMAND, encoding="utf-8")
         access = ToolAccess([work], 1.0, 2**31, [sys.executable, "command.py"])
         answers = self.together(access, 4, "forever")
         assert {str(each) for each in answers} == {"verify was aborted after 1 s, the time limit of a call"}
@@ -440,12 +442,12 @@ class TestManyCalls:
         ),
     ],
 )
-def test_a_server_that_could_not_keep_its_word_does_not_begin(work, options, said, capsys):
+def test_server_with_missing_root_or_trust_option_does_not_start(work, options, said, capsys):
     assert run(capsys, "mcp", *options) == (2, "", said)
 
 
 @pytest.mark.parametrize("folder", ["/", "~"])
-def test_nobody_offers_all_files_by_not_saying_which(work, folder, monkeypatch, capsys):
+def test_server_in_root_or_home_folder_requires_root_option(work, folder, monkeypatch, capsys):
     monkeypatch.setenv("HOME", str(work))
     monkeypatch.chdir(work if folder == "~" else folder)
     status, _, said = run(capsys, "mcp")

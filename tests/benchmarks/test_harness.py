@@ -1,4 +1,4 @@
-"""The harness: both sides of a ratio are warmed and counted alike, and a measurement that does not agree with itself is refused."""
+"""Tests of the harness: both sides of a ratio are warmed up alike, and inconsistent measurements are refused."""
 
 import signal
 import sys
@@ -16,7 +16,7 @@ FIRST_CALL_SEC = 1000 * CALL_SEC
 
 
 class Clocked:
-    """Calls whose seconds are given, so that no test depends on the load of the machine.
+    """Calls with given durations, so that no test depends on the load of the machine.
 
     Args:
         seconds: The seconds of a call, by its number from 0.
@@ -38,16 +38,16 @@ def first_is_slow(number):
     return FIRST_CALL_SEC if number == 0 else CALL_SEC
 
 
-def test_a_peer_whose_first_call_is_a_thousand_times_as_slow_is_as_fast_as_one_without():
+def test_slow_first_call_of_peer_does_not_change_ratio():
     ours, peer = Clocked(lambda _: CALL_SEC), Clocked(first_is_slow)
     found = compared_calls(ours, peer, 8)
     assert (found.ratio, found.ours, found.theirs) == pytest.approx((1.0, CALL_SEC, CALL_SEC))
-    # Its first call is none of those that are timed: all of these are like ours.
+    # The first call is not timed, so all timed calls are like ours.
     assert ours.counts[-8:] == peer.counts[-8:]
     assert min(peer.counts[-8:]) * CALL_SEC >= 0.05
 
 
-def test_a_process_whose_first_tick_is_slow_is_warmed_like_ours(tmp_path):
+def test_slow_first_tick_of_process_does_not_change_ratio(tmp_path):
     peer = tmp_path / "peer.py"
     peer.write_text(
         "import json, sys\n"
@@ -68,39 +68,39 @@ def test_a_process_whose_first_tick_is_slow_is_warmed_like_ours(tmp_path):
     assert found.ratio == pytest.approx(2.0)
 
 
-def test_the_number_of_calls_is_found_without_the_first_call():
+def test_number_of_calls_ignores_first_call():
     assert enough_calls(Clocked(first_is_slow)) >= 50
-    # By the first call alone a single one would have been enough.
+    # With the first call, one call would have been enough.
     assert FIRST_CALL_SEC >= 0.05
 
 
-def test_both_sides_of_a_ratio_have_the_larger_of_two_numbers_of_calls():
+def test_both_sides_of_ratio_use_the_larger_number_of_calls():
     fast, slow = Clocked(lambda _: 0.0001), Clocked(lambda _: 0.01)
     assert compared_calls(fast, slow, 4).ratio == pytest.approx(0.01)
     assert {*fast.counts[-4:]} == {*slow.counts[-4:]}
     assert fast.counts[-1] * 0.0001 >= 0.05
 
 
-def test_halves_that_differ_are_measured_again_and_then_refused():
-    # Each half of four rounds is twice as slow as the one before it.
+def test_differing_halves_are_measured_again_and_then_refused():
+    # Each half of four rounds is twice as slow as the previous half.
     rounds = iter(range(1000))
     with pytest.raises(UnmeasurableError, match=r"the two halves differ by a factor of 2\.0, in 4 attempts"):
         measured(lambda: (float(2 ** (next(rounds) // 2 % 2 + 1)),), 4)
     assert next(rounds) == 4 * figures.ATTEMPTS
 
 
-def test_a_measurement_that_agrees_at_a_later_attempt_is_the_one_that_counts():
+def test_consistent_later_attempt_is_used():
     values = iter([1.0, 9.0, 5.0, 5.0])
     assert measured(lambda: (next(values),), 2) == [(5.0,), (5.0,)]
 
 
-def test_a_reference_whose_halves_differ_refuses_the_ratio_too():
+def test_differing_halves_of_reference_refuse_the_ratio():
     slower = iter(range(1, 1000))
     with pytest.raises(UnmeasurableError, match="halves differ"):
         measured(lambda: (1.0, 10.0 ** next(slower)), 2)
 
 
-def test_a_measurement_that_shows_nothing_is_refused():
+def test_zero_measurement_is_refused():
     with pytest.raises(UnmeasurableError, match="it does not work"):
         measured(lambda: (0.0,), 2)
 
@@ -131,7 +131,7 @@ def commands_stage():
     return nullcontext()
 
 
-def test_a_row_that_fails_stops_no_other(measuring, capsys):
+def test_failing_row_does_not_stop_other_rows(measuring, capsys):
     results, is_failed = measuring(
         row_of(raises(RuntimeError("no such file")), "one"),
         row_of(raises(UnmeasurableError("the two halves differ")), "two"),
@@ -148,11 +148,11 @@ def test_a_row_that_fails_stops_no_other(measuring, capsys):
     assert "  four: met: 500 ms CPU (as ever) [" in capsys.readouterr().out
 
 
-def test_a_row_that_could_not_be_measured_is_no_failure(measuring):
+def test_unmeasurable_row_is_not_a_failure(measuring):
     assert measuring(row_of(raises(UnmeasurableError("it is not installed"))))[1] is False
 
 
-def test_what_cannot_be_set_up_is_the_reason_of_each_row(measuring):
+def test_set_up_error_is_reported_for_each_row(measuring):
     results, is_failed = measuring(
         row_of(lambda *_: Measured((0.5,))), set_up=raises_on_set_up(UnmeasurableError("there is no ROS 2"))
     )
@@ -170,7 +170,7 @@ def raises_on_set_up(error):
     return set_up
 
 
-def test_a_row_that_takes_too_long_is_given_up(measuring, monkeypatch):
+def test_row_over_time_limit_is_aborted(measuring, monkeypatch):
     monkeypatch.setattr(running, "_ROW_SEC", 1)
 
     def endless(_stage, _effort):
@@ -181,13 +181,13 @@ def test_a_row_that_takes_too_long_is_given_up(measuring, monkeypatch):
     assert (results["it"].note, is_failed) == ("it failed: TimeoutError: not done in 1 s", True)
 
 
-def test_the_table_has_at_most_35_rows_and_each_has_a_goal():
+def test_table_has_at_most_35_rows_each_with_a_goal():
     assert len(running.ROWS) <= 35
     assert len({row.what for row in running.ROWS}) == len(running.ROWS)
     assert all(row.limits and row.how for row in running.ROWS)
 
 
-def test_what_a_command_costs_is_that_of_all_its_processes():
+def test_cost_of_command_includes_child_processes():
     size = 80_000_000
     child = f"import time; kept = b'x' * {size}; end = time.process_time() + 0.2\nwhile time.process_time() < end: pass"
     parent = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {child!r}]); print('done')"
@@ -195,17 +195,17 @@ def test_what_a_command_costs_is_that_of_all_its_processes():
     assert cost.printed == "done\n"
     assert cost.cpu >= 0.2
     assert cost.passed >= 0.2
-    # Whatever this process has is not counted.
+    # The memory of this process is not counted.
     assert size / 1e6 < cost.memory < 2 * size / 1e6
 
 
-def test_a_command_that_fails_is_named_with_its_last_line():
+def test_failing_command_is_reported_with_its_last_line():
     with pytest.raises(UnmeasurableError, match=r"python\S* -c ended with 3: no world"):
         commands.run([sys.executable, "-c", "import sys; print('no world', file=sys.stderr); sys.exit(3)"])
 
 
 @pytest.mark.costly
-def test_the_figures_that_have_no_driver_are_seconds_without_a_ratio(monkeypatch):
+def test_figures_without_driver_are_seconds_without_ratio(monkeypatch):
     from benchmarks import ticks
 
     monkeypatch.delenv(driver.VARIABLE, raising=False)
@@ -218,7 +218,7 @@ def test_the_figures_that_have_no_driver_are_seconds_without_a_ratio(monkeypatch
         stage.compare({"a": "<AlwaysSuccess/>"}, 2)
 
 
-def test_a_command_of_a_row_that_is_given_up_is_killed(tmp_path):
+def test_command_of_aborted_row_is_killed(tmp_path):
     begun, start = tmp_path / "begun", time.monotonic()
     endless = f"import time; open({str(begun)!r}, 'w').close(); time.sleep(600)"
 
@@ -229,7 +229,7 @@ def test_a_command_of_a_row_that_is_given_up_is_killed(tmp_path):
     before = signal.signal(signal.SIGALRM, give_up)
     signal.setitimer(signal.ITIMER_REAL, 0.1, 0.1)
     try:
-        # It holds the pipe that is read to its end: as long as it lives this does not return.
+        # run() reads the pipe to its end, so it cannot return while the process lives.
         with pytest.raises(TimeoutError):
             commands.run([sys.executable, "-c", endless])
     finally:

@@ -1,4 +1,4 @@
-"""The guard, the record, and the table that is made of a run."""
+"""Tests of the comparison with the record, of the record itself, and of the table of results."""
 
 import pytest
 
@@ -17,12 +17,12 @@ def run_of(*values, note="", what="a proof"):
     return Run({"machine": "a fast one"}, {what: Result(values, note)})
 
 
-def test_a_value_that_is_one_and_a_half_times_the_recorded_one_is_named():
+def test_value_of_1_5_times_the_record_is_reported():
     (line,) = record.find_worse(ROWS, run_of(3.0, 100.0), run_of(2.0, 90.0))
     assert line == "a proof: 3 s CPU, recorded was 2 s CPU"
 
 
-def test_a_rate_is_worse_if_it_is_lower():
+def test_lower_rate_is_worse():
     before = run_of(90.0, what="a rate")
     assert record.find_worse(ROWS, run_of(120.0, what="a rate"), before) == []
     assert record.find_worse(ROWS, run_of(50.0, what="a rate"), before) == [
@@ -31,17 +31,17 @@ def test_a_rate_is_worse_if_it_is_lower():
 
 
 @pytest.mark.parametrize("values", [(2.99, 149.0), (0.5, 10.0)])
-def test_a_value_that_is_a_little_worse_or_better_is_not_named(values):
+def test_slightly_worse_or_better_value_is_not_reported(values):
     assert record.find_worse(ROWS, run_of(*values), run_of(2.0, 100.0)) == []
 
 
-def test_a_row_that_only_the_run_or_only_the_record_has_is_not_named():
+def test_row_missing_in_run_or_record_is_not_reported():
     assert record.find_worse(ROWS, run_of(9.0, 9.0), Run({}, {})) == []
     assert record.find_worse(ROWS, Run({}, {}), run_of(9.0, 9.0)) == []
     assert record.find_worse(ROWS, run_of(9.0, 9.0), run_of(note="not installed")) == []
 
 
-def test_the_record_is_read_as_it_was_written(tmp_path):
+def test_record_is_loaded_as_it_was_saved(tmp_path):
     run = Run(
         {"machine": "a fast one"},
         {"a proof": Result((2.0, 90.5), "as ever"), "a rate": Result(note="not decided", is_missed=True)},
@@ -51,7 +51,7 @@ def test_the_record_is_read_as_it_was_written(tmp_path):
     assert record.load(tmp_path / "none.json") == Run({}, {})
 
 
-def test_a_new_record_of_one_benchmark_keeps_the_rows_of_the_others():
+def test_new_record_of_one_benchmark_keeps_other_rows():
     merged = record.merged(run_of(70.0, what="a rate"), run_of(1.0, 2.0))
     assert merged.results == {"a proof": Result((1.0, 2.0)), "a rate": Result((70.0,))}
 
@@ -66,11 +66,11 @@ def test_a_new_record_of_one_benchmark_keeps_the_rows_of_the_others():
         (None, "not measured"),
     ],
 )
-def test_a_result_is_written_with_its_goal_and_reason(result, text):
+def test_result_is_written_with_verdict_and_reason(result, text):
     assert write_result(ROWS[0], result) == text
 
 
-def test_a_row_of_the_table_has_what_goal_result_and_how():
+def test_table_row_has_name_goal_result_and_method():
     lines = record.write_tables(ROWS, run_of(1.5, 20.0)).splitlines()
     assert "| machine | a fast one |" in lines
     assert "| a proof | ≤ 2 s CPU, ≤ 150 MB | met: 1.5 s CPU, 20 MB | by hand |" in lines
@@ -78,11 +78,11 @@ def test_a_row_of_the_table_has_what_goal_result_and_how():
 
 
 @pytest.mark.parametrize(("value", "text"), [(2.5, "2.5 s"), (0.1, "100 ms"), (3.1e-6, "3.1 µs")])
-def test_seconds_are_written_in_a_unit_that_fits(value, text):
+def test_seconds_are_written_in_a_suitable_unit(value, text):
     assert seconds(value) == text
 
 
-def test_only_the_tables_of_the_page_are_rewritten(tmp_path):
+def test_only_tables_of_page_are_rewritten(tmp_path):
     page = tmp_path / "README.md"
     page.write_text(f"# Above\n{record.BEGIN}old\n{record.END}below\n", encoding="utf-8")
     run = run_of(1.0, 2.0)
@@ -95,7 +95,7 @@ def test_only_the_tables_of_the_page_are_rewritten(tmp_path):
 
 @pytest.fixture
 def measuring(monkeypatch, tmp_path):
-    """The command with a run that need not be measured, and a record in a folder of its own."""
+    """Return a function that gives the command a prepared run, with the record in a separate folder."""
 
     def prepare(run, *, is_failed=False):
         monkeypatch.setattr(command, "measure_benchmarks", lambda *_: (run, is_failed))
@@ -110,7 +110,7 @@ def measuring(monkeypatch, tmp_path):
 PATROL = "`verify` of a patrol that counts its rounds"
 
 
-def test_the_command_fails_and_names_what_is_worse_than_recorded(measuring, capsys):
+def test_command_fails_and_names_rows_worse_than_record(measuring, capsys):
     measuring(run_of(0.2, 90.0, what=PATROL))
     assert command.main(["--only", "proofs", "--save"]) == 0
     measuring(run_of(0.4, 90.0, what=PATROL))
@@ -120,12 +120,12 @@ def test_the_command_fails_and_names_what_is_worse_than_recorded(measuring, caps
     )
 
 
-def test_the_command_fails_if_a_row_has(measuring):
+def test_command_fails_if_a_row_fails(measuring):
     measuring(Run({}, {}), is_failed=True)
     assert command.main(["--only", "proofs"]) == 1
 
 
-def test_the_page_is_rewritten_by_a_whole_run_and_by_a_new_record_only(measuring):
+def test_page_is_rewritten_only_by_full_run(measuring):
     page = measuring(run_of(0.2, 90.0, what=PATROL)) / "README.md"
     for options in (["--quick"], ["--only", "proofs"]):
         command.main(options)
@@ -134,13 +134,13 @@ def test_the_page_is_rewritten_by_a_whole_run_and_by_a_new_record_only(measuring
     assert PATROL in page.read_text(encoding="utf-8")
 
 
-def test_a_trial_cannot_be_the_record(measuring, capsys):
+def test_quick_run_cannot_become_the_record(measuring, capsys):
     measuring(Run({}, {}))
     with pytest.raises(SystemExit):
         command.main(["--quick", "--save"])
     assert "a trial is no record" in capsys.readouterr().err
 
 
-def test_the_recorded_rows_are_those_of_the_table():
+def test_recorded_rows_exist_in_the_table():
     names = {row.what for row in running.ROWS}
     assert {*record.load(record.RECORD).results} <= names

@@ -80,23 +80,23 @@ TESTED_BY = {
         "A file contains NaN": ("test_extreme_content_is_a_finding_or_an_error_message",),
         "Commands read pipes": ("test_the_pipe_of_a_shell_is_read_to_its_end",),
         "An agent reads files outside": (
-            "test_reads_nothing_outside_the_folders", "test_lists_no_folder_outside_the_folders",
-            "test_a_file_that_is_exchanged_after_the_check_is_never_read_outside", "test_no_argument_of_any_tool_reads_what_lies_outside",
+            "test_call_reads_nothing_outside_the_folders", "test_call_lists_no_folder_outside_the_folders",
+            "test_file_replaced_after_check_is_never_read_outside", "test_no_tool_argument_reads_outside_the_folders",
         ),
         "The tools of an agent exhaust": (
-            "test_two_run_at_a_time_and_all_are_answered", "test_is_nice_and_limited_in_its_memory",
-            "test_a_call_that_takes_too_long_is_given_up_and_the_next_one_is_answered", "test_a_call_that_takes_too_much_is_an_error_that_says_so",
+            "test_two_calls_run_at_a_time_and_all_are_answered", "test_call_has_low_priority_and_memory_limit",
+            "test_call_over_time_limit_is_aborted_and_next_one_is_answered", "test_too_large_result_and_killed_call_are_reported",
         ),
         "An open editor exhausts": (
-            "test_a_check_that_takes_longer_than_it_may_is_reported_and_the_next_file_is_checked",
-            "test_a_request_that_waits_for_a_check_can_be_cancelled", "test_a_command_that_is_cancelled_leaves_no_process",
+            "test_check_over_time_limit_is_reported_and_next_file_is_checked",
+            "test_request_waiting_for_a_check_can_be_cancelled", "test_cancelled_command_leaves_no_process",
         ),
         "A tree changes after": (
-            "test_tree_runs_only_as_approved", "test_another_tree_of_an_approved_file_may_not_start",
-            "test_the_file_that_has_changed_is_named", "test_one_that_is_changed_is_named_with_both_values_and_how_to_approve_it",
-            "test_the_areas_that_a_parameter_names_belong_to_it",
+            "test_tree_runs_only_as_approved", "test_other_tree_of_approved_file_may_not_start",
+            "test_changed_file_is_named", "test_changed_parameter_is_named_with_both_values_and_approve_command",
+            "test_areas_file_of_parameter_belongs_to_approval",
         ),
-        "An approval is forged": ("test_approvals_that_others_can_write_do_not_count", "test_a_record_that_others_can_write_does_not_count"),
+        "An approval is forged": ("test_approval_folder_writable_by_others_is_ignored", "test_approval_record_writable_by_others_is_ignored"),
         "A module is replaced": (
             "test_module_replaced_after_hashing_is_not_imported", "test_trusted_module_is_run_from_source_and_not_from_bytecode",
         ),

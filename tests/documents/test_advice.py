@@ -1,6 +1,6 @@
-"""Advice about files beside a tree: a number in it follows from the number that was written, and an example is called one.
+"""Tests of advice about documents: its numbers follow from the written numbers, and examples are marked as examples.
 
-The table is made from the schemas: each property is given a percentage, other units, a decimal comma, a text and a list.
+The cases come from the schemas: each property gets a percentage, other units, a decimal comma, a string and a list.
 """
 
 import json
@@ -22,7 +22,7 @@ from tests.checks.test_json_schema import target_of
 from tests.documents.test_schemas import NAMES, SCHEMAS, parts, types_of
 from tests.trees import document
 
-# What each text means, in the unit of the property; a text that is not listed for a unit means nothing in it.
+# The value of each text in the unit of the property. A text that is not listed for a unit has no value in it.
 MEANT = {
     "share": {"80": 0.8, "80%": 0.8, "80 percent": 0.8, "0,5": 0.5, "'80'": 0.8, "'80 %'": 0.8, "30": 0.3, "'5'": 0.05},
     "s": {"20s": 20, "500ms": 0.5, "2 min": 120, "1,5": 1.5, "1,5 sec": 1.5, "'20s'": 20, "1e6": 1000},
@@ -30,14 +30,14 @@ MEANT = {
     "m": {"250 cm": 2.5, "2km": 2000, "0,5": 0.5, "'3m'": 3, "500000": 500},
     "": {"1_000": 1000, "0,5": 0.5},
 }  # fmt: skip
-NOTHING = ["soon", "[soon]", "[1, 2, 3]", "{a: 1}", "7 apples", "-3", "1,500", "1e300"]
-WRITTEN = sorted({text for texts in MEANT.values() for text in texts} | {*NOTHING, "'5'", "[80]", "[5]"})
+MEANINGLESS = ["soon", "[soon]", "[1, 2, 3]", "{a: 1}", "7 apples", "-3", "1,500", "1e300"]
+WRITTEN = sorted({text for texts in MEANT.values() for text in texts} | {*MEANINGLESS, "'5'", "[80]", "[5]"})
 ROUNDED = 1e-4
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def properties(schema, root, path=()):
-    """Yield the path and the schema of each value that a file can have; of names that are free, one."""
+    """Yield the path and the schema of each possible value of a file; one example for free names."""
     if "$ref" in schema:
         schema = target_of(schema["$ref"], root)
     yield path, schema
@@ -55,7 +55,7 @@ PLACES = sorted(
         (name, path): bool(types_of(schema) & {"number", "integer"}) and "boolean" not in types_of(schema)
         for name in NAMES
         for path, schema in properties(SCHEMAS[name], SCHEMAS[name])
-        # The kinds of findings are many, and all alike.
+        # All kinds of findings have the same schema, so one is enough.
         if path and (path[0] != "findings" or path[1:] in {(), ("unused-tree",)})
     }.items()
 )
@@ -74,7 +74,7 @@ def unit_at(name, path):
 
 
 def found(name, path, text, folder):
-    """Return the findings about the last key of a path in a file that has nothing else."""
+    """Return the findings about the last key of a path in a file with only this path."""
     if name == "settings":
         value = (
             text if re.fullmatch(r"\[?-?[\d., ]*\d\]?|'.*'", text) and "," not in text else json.dumps(text)
@@ -95,14 +95,14 @@ def found(name, path, text, folder):
 
 
 def numbers_in_advice(finding):
-    """Return the numbers that somebody who follows a finding writes; those of an example are nobody's."""
+    """Return the numbers that the advice tells the user to write, without those of examples."""
     if finding.suggestion is not None:
         return [float(each) for each in NUMBER.findall(finding.suggestion.replace("_", ""))]
     hint = (finding.hint or "").partition("for example")[0].replace("_", "")
     return [float(each) for each in NUMBER.findall(hint.rpartition("write ")[2])] if "write " in hint else []
 
 
-# In which other unit a number was probably written, and how many of the unit of the property one of those is.
+# The other unit in which a number was probably written, and its factor to the unit of the property.
 MISTAKEN = {
     "share": ("percent", 0.01),
     "rad": ("degrees", math.pi / 180),
@@ -113,7 +113,7 @@ MISTAKEN = {
 
 
 def follows(number, text, unit, advice):
-    """Return whether a number is one of the written ones, what they mean in the unit, or a limit of the unit."""
+    """Return whether a number is a written number, its value in the unit, or a limit of the unit."""
     forms = {text.replace("_", ""), text.replace(",", "."), text.replace(",", "")}
     read = [float(each) for form in forms for each in NUMBER.findall(form)]
     limits = UNITS[unit].usual[:2] if unit in UNITS else ()
@@ -125,7 +125,7 @@ def follows(number, text, unit, advice):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_advice_about_any_property_has_a_number_that_nobody_wrote(name, tmp_path):
+def test_numbers_in_advice_follow_from_written_numbers(name, tmp_path):
     wrong = [
         (path, text, number, finding.render())
         for (schema, path), _ in PLACES
@@ -147,13 +147,11 @@ def test_no_advice_about_any_property_has_a_number_that_nobody_wrote(name, tmp_p
         if unit_at(*place)
     ],
 )
-def test_a_number_in_another_notation_or_unit_gets_the_one_that_is_to_be_written(
-    name, path, text, number, tmp_path
-):
+def test_number_in_other_notation_or_unit_gets_correct_suggestion(name, path, text, number, tmp_path):
     about = found(name, path, text, tmp_path)
     schema = next(each for at, each in properties(SCHEMAS[name], SCHEMAS[name]) if at == path)
     if not about:
-        # The property takes a duration with its unit, or the number is an ordinary one.
+        # The property accepts a duration with a unit, or the number is plausible.
         assert "pattern" in schema or find_implausible_number(float(text), unit_at(name, path)) is None
         return
     [finding] = about
@@ -188,20 +186,20 @@ def test_a_number_in_another_notation_or_unit_gets_the_one_that_is_to_be_written
         ("leaves: {A: {after: 1s}}", "for example outcome: SUCCESS"),
     ],
 )
-def test_an_example_is_called_one_and_a_number_follows_from_the_one_that_was_written(text, advice):
+def test_advice_marks_examples_and_converts_written_numbers(text, advice):
     read = parse_yaml(text, "file.yaml", "")
     read.validate("scenario")
     assert [each.advice for each in read.findings][:1] == ([] if advice is None else [advice])
 
 
-def test_a_text_for_a_list_is_to_be_put_in_brackets(tmp_path):
+def test_string_instead_of_list_gets_advice_with_brackets(tmp_path):
     (tmp_path / "sar.toml").write_text('models = "nav2:jazzy"\n', encoding="utf-8")
     document = read_toml(tmp_path / "sar.toml", "sar.toml")
     document.validate("settings")
     assert [each.hint for each in document.findings] == ['write ["nav2:jazzy"]']
 
 
-def test_an_unusual_number_is_a_warning_and_the_file_can_be_used():
+def test_implausible_number_is_a_warning_and_file_is_usable():
     document = parse_yaml("robot: {x: 1, y: 1, yaw: 90.0, radius: 0.2}\nwalls: []", "world.yaml", "")
     assert document.validate("world").data["robot"]["yaw"] == 90.0
     document.raise_findings()
@@ -211,14 +209,14 @@ def test_an_unusual_number_is_a_warning_and_the_file_can_be_used():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_number_with_a_unit_has_limits_within_what_is_possible_in_it(name):
+def test_every_number_with_unit_has_possible_limits(name):
     for part in (each for each in parts(SCHEMAS[name]) if UNIT in each):
         possible = UNITS[part[UNIT]].possible
         assert part.get("minimum", part.get("exclusiveMinimum")) in possible
         assert part["maximum"] in possible
 
 
-# The numbers that are none of a quantity.
+# The numbers without a unit.
 WITHOUT_UNIT = {
     "ticks": "a count",
     "count": "a count",
@@ -229,7 +227,7 @@ WITHOUT_UNIT = {
 }
 
 
-def test_every_number_of_a_schema_has_a_unit_or_is_known_to_have_none():
+def test_every_schema_number_has_a_unit_or_is_listed_without_one():
     assert {path[-1] for name, path in NUMERIC if not unit_at(name, path)} == WITHOUT_UNIT.keys() - {"count"}
 
 
@@ -255,7 +253,7 @@ def test_every_unit_in_a_schema_is_in_the_table(path):
     ],
     ids=lambda words: words[0],
 )
-def test_a_command_prints_the_warnings_about_a_file_and_goes_on(words, tmp_path, monkeypatch, capsys):
+def test_command_prints_file_warnings_and_continues(words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("tree.xml").write_text(document("<NavigateToBase/>"), encoding="utf-8")
     text = "outcomes: {NavigateToBase: [RUNNING, {status: SUCCESS, sec: 5000000}]}"
@@ -271,7 +269,7 @@ def test_a_command_prints_the_warnings_about_a_file_and_goes_on(words, tmp_path,
     )
 
 
-def test_the_simulator_prints_the_warnings_about_a_world(tmp_path, monkeypatch, capsys):
+def test_simulator_prints_warnings_about_world(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = "robot: {x: 1, y: 1, yaw: 90.0, radius: 0.2}\nwalls: []\nsurvey: [{x: 1, y: 1}, {x: 1.5, y: 1}]\n"
     Path("flat.yaml").write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Values with places: what a scalar means, and what is left when a schema has refused some of them."""
+"""Tests of values with locations: how scalars are read, and which values remain after validation."""
 
 import subprocess
 import sys
@@ -32,12 +32,12 @@ def read(text):
         ("", None),
     ],
 )
-def test_a_scalar_means_what_is_written(text, data):
+def test_scalar_is_read_as_written(text, data):
     assert read(f"key: {text}").root.data == {"key": data}
     assert type(read(f"key: {text}").root.data["key"]) is type(data)
 
 
-def test_what_a_schema_refuses_is_left_out_and_the_rest_is_kept():
+def test_values_refused_by_schema_are_omitted_and_rest_is_kept():
     document = read("name: [a]\nticks: 3\nexpect: {root: SUCESS, never: [A starts, [B]]}\n")
     assert document.validate("scenario").data == {"ticks": 3, "expect": {"never": ["A starts"]}}
     assert [(each.code, each.span.line) for each in document.findings] == [
@@ -47,19 +47,19 @@ def test_what_a_schema_refuses_is_left_out_and_the_rest_is_kept():
     ]
 
 
-def test_a_mapping_without_a_key_that_it_needs_is_left_out_as_a_whole():
+def test_mapping_without_required_key_is_omitted():
     document = read("leaves: {A: {outcome: [x]}, B: {outcome: SUCCESS}}")
     assert document.validate("scenario").data == {"leaves": {"B": {"outcome": "SUCCESS"}}}
-    assert len(document.findings) == 1  # only what is wrong with the answer
+    assert len(document.findings) == 1  # only the finding about the outcome
 
 
-def test_a_misspelt_key_is_not_said_to_be_missing_as_well():
+def test_misspelt_key_is_not_also_reported_missing():
     document = read("leaves: {A: {outcom: SUCCESS}}")
     document.validate("scenario")
     assert [(each.code, each.suggestion) for each in document.findings] == [("unknown-key", "outcome")]
 
 
-def test_several_missing_keys_of_a_mapping_are_one_finding():
+def test_missing_keys_of_mapping_are_one_finding():
     with pytest.raises(TreeError) as caught:
         read("robot: {}\nwalls: []").validate("world")
     assert [each.message for each in caught.value.findings] == ["'robot' needs 'x', 'y' and 'radius'"]
@@ -88,27 +88,27 @@ def test_several_missing_keys_of_a_mapping_are_one_finding():
         ("expect: {count: {A starts: few}}", "but is 'few'", "for example 2, at least 2 or at most 2"),
     ],
 )
-def test_a_finding_says_what_is_wanted_and_what_to_write(text, message, advice):
+def test_finding_states_expected_value_and_advice(text, message, advice):
     document = read(text)
     document.validate("scenario")
     assert [each.message.endswith(message) for each in document.findings] == [True]
     assert document.findings[0].advice == advice
 
 
-def test_a_finding_about_a_mapping_underlines_its_first_line():
+def test_finding_about_mapping_marks_its_first_line():
     document = read("name:\n  a: 1\n  b: 2\n")
     document.validate("scenario")
     (span,) = [each.span for each in document.findings]
     assert (span.line, span.column, span.end_line, span.end_column) == (2, 3, 2, 7)
 
 
-def test_a_file_of_which_nothing_can_be_used_raises_all_that_is_wrong():
+def test_unusable_file_raises_all_findings():
     with pytest.raises(TreeError) as caught:
         read("wals: 1\nzons: 2").validate("world")
     assert [each.suggestion for each in caught.value.findings] == ["walls", None, "zones"]
 
 
-def test_findings_come_in_the_order_of_the_file_and_once_each():
+def test_findings_are_unique_and_in_file_order():
     document = read("b: 1\na: 2")
     for key, _ in reversed(document.root.entries or ()):
         for _ in range(2):
@@ -128,7 +128,7 @@ def test_findings_come_in_the_order_of_the_file_and_once_each():
         ("jsonschema", "main(['simulate', 'trees/search_and_rescue.xml'])"),
     ],
 )
-def test_nobody_without_such_a_file_waits_for_its_library(module, statement):
+def test_document_library_is_imported_only_if_needed(module, statement):
     program = f"import sys\nfrom sar_compiler.cli.compile import main\n{statement}\n"
     done = subprocess.run(
         [sys.executable, "-c", f"{program}sys.exit({module!r} in sys.modules)"],

@@ -1,4 +1,4 @@
-"""Whatever stands in a file beside a tree, it is understood, or every finding about it has a place in the file."""
+"""Tests that random documents are read, or that every finding has a location in the file."""
 
 import json
 import sys
@@ -35,7 +35,7 @@ PIECES = [
 
 
 def keys_of(schema):
-    """Yield the keys that a schema speaks of, wherever."""
+    """Yield the keys that a schema names at any level."""
     if isinstance(schema, dict):
         yield from schema.get("properties", {})
         for inner in schema.values():
@@ -57,7 +57,7 @@ def changed(draw: st.DrawFn, text: str) -> str:
 
 
 def plain(name):
-    """Return random data with the keys of a file, so that much of it comes near to what the schema takes."""
+    """Return random data with the keys of a schema, so that much of it is almost valid."""
     keys = sorted(set(keys_of(schema_of(name))))
     scalars = st.one_of(
         *(st.integers(-2, 3), st.floats(allow_nan=False), st.booleans(), st.text(max_size=3)),
@@ -76,7 +76,7 @@ def plain(name):
     )
 
 
-def check_places(findings, text):
+def check_locations(findings, text):
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     assert findings
     for finding in findings:
@@ -86,39 +86,39 @@ def check_places(findings, text):
         assert 1 <= span.column <= len(lines[span.line - 1]) + 2
 
 
-def hold(name, text):
-    """Hold a text to a schema; what is left must keep to it."""
+def check_against_schema(name, text):
+    """Validate a text against a schema; the remaining values must match it."""
     try:
         document = parse_yaml(text, f"{name}.yaml", "write something")
         left = document.validate(name)
     except TreeError as error:
-        check_places(error.findings, text)
+        check_locations(error.findings, text)
         return
     jsonschema.Draft7Validator(schema_of(name)).validate(left.data)
     if document.findings:
-        check_places(document.findings, text)
+        check_locations(document.findings, text)
     else:
         assert left is document.root
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 @given(data=st.data())
-def test_a_changed_file_is_held_to_its_schema_or_has_findings_with_places(name, data):
-    hold(name, data.draw(changed(SHIPPED[name].read_text(encoding="utf-8"))))
+def test_changed_file_matches_schema_or_has_located_findings(name, data):
+    check_against_schema(name, data.draw(changed(SHIPPED[name].read_text(encoding="utf-8"))))
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 @given(data=st.data())
-def test_random_data_is_held_to_a_schema_or_has_findings_with_places(name, data):
-    hold(name, yaml.safe_dump(data.draw(plain(name)), allow_unicode=True))
+def test_random_data_matches_schema_or_has_located_findings(name, data):
+    check_against_schema(name, yaml.safe_dump(data.draw(plain(name)), allow_unicode=True))
 
 
 @given(text=changed(SHIPPED["properties"].read_text(encoding="utf-8")))
-def test_a_changed_file_of_properties_is_read_or_explained(text):
+def test_changed_property_file_is_read_or_has_located_findings(text):
     try:
         parse_property_file(text).document.raise_findings()
     except TreeError as error:
-        check_places(error.findings, text)
+        check_locations(error.findings, text)
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def folder(tmp_path_factory):
 
 
 @given(data=st.data())
-def test_a_random_world_is_read_or_explained(folder, data):
+def test_random_world_is_read_or_has_located_findings(folder, data):
     shipped = SHIPPED["world"].read_text(encoding="utf-8")
     text = data.draw(st.one_of(changed(shipped), plain("world").map(yaml.safe_dump)))
     path = folder / "world.yaml"
@@ -135,31 +135,31 @@ def test_a_random_world_is_read_or_explained(folder, data):
     try:
         load_world(path)
     except TreeError as error:
-        check_places(error.findings, text)
+        check_locations(error.findings, text)
 
 
-def named(value):
-    """Yield the keys in a value, wherever; not those in lists of tables, whose places nobody needs."""
+def keys_in(value):
+    """Yield the keys in a value at any level, except those in lists of tables."""
     for key, inner in value.entries or ():
         yield key
-        yield from named(inner)
+        yield from keys_in(inner)
 
 
 @given(text=changed(f"{SETTINGS}[a.b]\nc = {{d = 1, e = '}}'}}\nf.g = [1, [2, ']'], {{h = 3}}]\n"))
-def test_every_key_of_toml_is_where_its_name_stands(folder, text):
+def test_every_toml_key_has_location_of_its_name(folder, text):
     path = folder / "keys.toml"
     path.write_bytes(text.encode())
     try:
         document = read_toml(path, "keys.toml")
     except TreeError:
         return
-    for key in named(document.root):
+    for key in keys_in(document.root):
         written = document.source.text[key.start : key.end]
         assert (next(iter(tomllib.loads(f"{written} = 0"))) if written[0] in "'\"" else written) == key.text
 
 
 @given(text=changed(SETTINGS))
-def test_changed_settings_are_held_to_their_schema_or_have_findings_with_places(folder, text):
+def test_changed_settings_match_schema_or_have_located_findings(folder, text):
     path = folder / "sar.toml"
     path.write_bytes(text.encode())
     try:
@@ -167,4 +167,4 @@ def test_changed_settings_are_held_to_their_schema_or_have_findings_with_places(
         document.validate("settings")
         document.raise_findings()
     except TreeError as error:
-        check_places(error.findings, text)
+        check_locations(error.findings, text)

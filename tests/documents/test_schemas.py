@@ -1,4 +1,4 @@
-"""The schemas of the files beside a tree: they take what is shipped, and say enough for findings and editors."""
+"""Tests of the document schemas: shipped files match them, and they have the titles and descriptions for findings and editors."""
 
 import json
 import os
@@ -31,11 +31,11 @@ SHIPPED = {
     **dict.fromkeys(sorted(Path("config").glob("*_properties.yaml")), "properties"),
 }
 PAGES = {"scenarios": "scenario", "properties": "properties", "world": "world", "configuration": "settings"}
-# This one shows mistakes.
-SLIPS = "slips.yaml"
+# The page shows this file as an example with errors.
+FILE_WITH_ERRORS = "slips.yaml"
 MODELINE = {"yaml": "# yaml-language-server: $schema=", "toml": "#:schema "}
-# What findings have words for.
-UNDERSTOOD = {
+# The keywords that findings can describe.
+SUPPORTED_KEYWORDS = {
     *("$schema", "$ref", "definitions", "title", "description", "examples"),
     *("type", "enum", "const", "minimum", "maximum", "exclusiveMinimum", "pattern", "minLength"),
     *("properties", "additionalProperties", "required", "items", "minItems", "maxItems"),
@@ -59,7 +59,7 @@ def parts(schema):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_reference_is_a_uri_that_leads_to_a_definition(name):
+def test_every_reference_leads_to_a_definition(name):
     references = set(references_in(SCHEMAS[name]))
     assert [each for each in references if not FRAGMENT.fullmatch(each)] == []
     assert [each for each in references if not isinstance(target_of(each, SCHEMAS[name]), dict)] == []
@@ -71,29 +71,29 @@ def types_of(schema):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_schema_is_of_draft_7_which_editors_for_yaml_and_toml_know(name):
+def test_schema_is_valid_draft_7(name):
     assert SCHEMAS[name]["$schema"] == "http://json-schema.org/draft-07/schema#"
     jsonschema.Draft7Validator.check_schema(SCHEMAS[name])
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_schema_has_only_keywords_that_findings_have_words_for(name):
-    assert {keyword for part in parts(SCHEMAS[name]) for keyword in part} - UNDERSTOOD == set()
+def test_schema_uses_only_supported_keywords(name):
+    assert {keyword for part in parts(SCHEMAS[name]) for keyword in part} - SUPPORTED_KEYWORDS == set()
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_whatever_is_no_mapping_has_a_name_for_findings(name):
+def test_every_value_except_mappings_and_enums_has_a_title(name):
     scalars = [part for part in parts(SCHEMAS[name]) if types_of(part) - {"object"} and "enum" not in part]
     assert [part for part in scalars if "title" not in part] == []
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_key_of_a_file_is_described_for_editors(name):
+def test_every_top_level_key_has_a_description(name):
     top = SCHEMAS[name]["properties"]
     assert [key for key, part in top.items() if not part.get("description", "").endswith(".")] == []
 
 
-def test_what_two_files_have_in_common_is_the_same_in_both():
+def test_shared_definitions_of_two_schemas_are_equal():
     scenario, properties = SCHEMAS["scenario"], SCHEMAS["properties"]
     shared = scenario["definitions"].keys() & properties["definitions"].keys()
     common = {
@@ -112,7 +112,7 @@ def test_what_two_files_have_in_common_is_the_same_in_both():
         assert scenario["properties"][key] == properties["properties"][key]
 
 
-def test_the_kinds_of_findings_in_the_settings_schema_are_as_reviewed():
+def test_finding_kinds_in_settings_schema_are_as_reviewed():
     schema, kinds = json.loads(path_of("settings").read_text(encoding="utf-8")), list(KINDS)
     wanted = {each: {"$ref": f"#/definitions/{'firm' if each in ERRORS else 'severity'}"} for each in kinds}
     if os.environ.get(RENEW):
@@ -122,26 +122,26 @@ def test_the_kinds_of_findings_in_the_settings_schema_are_as_reviewed():
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=str)
-def test_a_shipped_file_keeps_to_its_schema(path):
+def test_shipped_file_matches_its_schema(path):
     document = read_yaml(path, DOCUMENT, "")
     document.validate(SHIPPED[path])
     assert document.findings == []
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=str)
-def test_other_readers_of_yaml_agree_about_a_shipped_file(path):
+def test_other_yaml_parser_accepts_shipped_file(path):
     jsonschema.Draft7Validator(SCHEMAS[SHIPPED[path]]).validate(yaml.safe_load(path.read_text("utf-8")))
 
 
 @pytest.mark.parametrize("path", [path for path, name in SHIPPED.items() if name != "map"], ids=str)
-def test_a_shipped_file_leads_editors_to_its_schema(path):
+def test_shipped_file_names_its_schema_for_editors(path):
     first = path.read_text(encoding="utf-8").splitlines()[0]
     assert first.startswith(MODELINE["yaml"])
     assert (path.parent / first.removeprefix(MODELINE["yaml"])).resolve() == path_of(SHIPPED[path]).resolve()
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_files_on_a_page_keep_to_their_schema(page, tmp_path):
+def test_files_on_page_match_their_schema(page, tmp_path):
     held = 0
     for block in blocks(Path(f"docs/reference/{page}.md")):
         if block.language == "toml":
@@ -149,7 +149,7 @@ def test_the_files_on_a_page_keep_to_their_schema(page, tmp_path):
             document = read_toml(tmp_path / "sar.toml", "sar.toml")
         elif (
             block.language == "yaml"
-            and block.file != SLIPS
+            and block.file != FILE_WITH_ERRORS
             and "repos:" not in block.text
             and "steps:" not in block.text
         ):
@@ -162,7 +162,7 @@ def test_the_files_on_a_page_keep_to_their_schema(page, tmp_path):
     assert held > 0
 
 
-def test_every_key_of_a_world_is_in_the_table_of_its_page():
+def test_every_world_key_is_in_the_table_of_its_page():
     rows = [
         cells for heading, _, cells in tables(Path("docs/reference/world.md")) if heading == "World files"
     ]
@@ -174,7 +174,7 @@ def test_every_key_of_a_world_is_in_the_table_of_its_page():
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_a_page_says_how_a_file_names_its_schema(page):
+def test_page_shows_how_a_file_names_its_schema(page):
     language = "toml" if page == "configuration" else "yaml"
     text = Path(f"docs/reference/{page}.md").read_text(encoding="utf-8")
     assert f"{MODELINE[language]}../schemas/sar_{PAGES[page]}.schema.json" in text

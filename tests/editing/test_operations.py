@@ -1,4 +1,4 @@
-"""Operations on elements as edits of the text, compared with the same operations on plain lists."""
+"""Tests of operations on elements: their text edits match the same operations on plain lists."""
 
 import re
 from collections import Counter
@@ -18,17 +18,17 @@ from tests.tree.strategies import ATTRIBUTES, TAGS, VALUES, tree_files
 SHIPPED = sorted([*Path("trees").glob("*.*"), *Path("examples").rglob("*tree*.xml")])
 
 
-def listed(element):
-    """Return an element as lists: its tag, its attributes, its children."""
-    return [element.tag, dict(element.attributes), [listed(child) for child in element.children]]
+def as_lists(element):
+    """Return an element as a list of its tag, attributes and children."""
+    return [element.tag, dict(element.attributes), [as_lists(child) for child in element.children]]
 
 
-def in_order(node, parent=None):
-    """Return all nodes of such lists, each with its parent."""
-    return [(node, parent), *(pair for child in node[2] for pair in in_order(child, node))]
+def nodes_with_parents(node, parent=None):
+    """Return all nodes of a nested list in document order, each with its parent."""
+    return [(node, parent), *(pair for child in node[2] for pair in nodes_with_parents(child, node))]
 
 
-def place_of(node, parent):
+def index_of(node, parent):
     return next(index for index, each in enumerate(parent[2]) if each is node)
 
 
@@ -43,17 +43,17 @@ def inverse_edits(text, edits):
 
 
 class Model:
-    """The operations on lists, in the words of `operations`."""
+    """The operations on lists, with the names and arguments of `operations`."""
 
     def __init__(self, root):
         self.root = root
 
     def at(self, number):
-        return in_order(self.root)[number]
+        return nodes_with_parents(self.root)[number]
 
     def move(self, element, parent, index):
         (node, old), (new, _) = self.at(element), self.at(parent)
-        place = place_of(node, old)
+        place = index_of(node, old)
         new[2].insert(index, [*node])
         del old[2][place + (old is new and index <= place)]
 
@@ -62,21 +62,21 @@ class Model:
 
     def wrap(self, element, tag, attributes, last):
         node, parent = self.at(element)
-        first, end = place_of(node, parent), place_of(self.at(last)[0], parent) + 1
+        first, end = index_of(node, parent), index_of(self.at(last)[0], parent) + 1
         parent[2][first:end] = [[tag, dict(attributes), parent[2][first:end]]]
 
     def unwrap(self, element):
         node, parent = self.at(element)
-        place = place_of(node, parent)
+        place = index_of(node, parent)
         parent[2][place : place + 1] = node[2]
 
     def delete(self, element):
         node, parent = self.at(element)
-        del parent[2][place_of(node, parent)]
+        del parent[2][index_of(node, parent)]
 
     def duplicate(self, element):
         node, parent = self.at(element)
-        parent[2].insert(place_of(node, parent), node)
+        parent[2].insert(index_of(node, parent), node)
 
     def set_attribute(self, element, name, value):
         node, _ = self.at(element)
@@ -85,8 +85,8 @@ class Model:
 
 @st.composite
 def operations(draw, tree_file):
-    """An operation on a file that is possible on it, with its arguments."""
-    pairs = in_order(listed(tree_file.root))
+    """A possible operation on a file, with its arguments."""
+    pairs = nodes_with_parents(as_lists(tree_file.root))
     number = {id(node): index for index, (node, _) in enumerate(pairs)}
     attributes = draw(st.dictionaries(ATTRIBUTES, VALUES, max_size=2))
     element = draw(st.integers(1, len(pairs) - 1)) if len(pairs) > 1 else 0
@@ -98,7 +98,7 @@ def operations(draw, tree_file):
         key = draw(st.sampled_from([*node[1]]) if node[1] and draw(st.booleans()) else ATTRIBUTES)
         return name, {"element": element, "name": key, "value": draw(st.none() | VALUES)}
     if name == "wrap":
-        last = draw(st.sampled_from(parent[2][place_of(node, parent) :]))
+        last = draw(st.sampled_from(parent[2][index_of(node, parent) :]))
         return name, {
             "element": element,
             "tag": draw(TAGS),
@@ -106,7 +106,7 @@ def operations(draw, tree_file):
             "last": number[id(last)],
         }
     if name in ("insert", "move"):
-        inside = {id(each) for each, _ in in_order(node)} if name == "move" else set()
+        inside = {id(each) for each, _ in nodes_with_parents(node)} if name == "move" else set()
         target = draw(st.sampled_from([each for each, _ in pairs if id(each) not in inside]))
         place = {"parent": number[id(target)], "index": draw(st.integers(0, len(target[2])))}
         return name, (
@@ -118,12 +118,12 @@ def operations(draw, tree_file):
 
 
 def in_one_line(text):
-    """Return an XML text with its tags in one line."""
+    """Return an XML text with all tags in one line."""
     return re.sub(r">\s*\n\s*(?=<)", ">", text)
 
 
-def between_brackets(tree_file):
-    """Return a YAML text in which everything below the first tag is between brackets."""
+def to_flow_style(tree_file):
+    """Return a YAML text that is in flow style below the first tag."""
 
     def quoted(text):
         return '"' + "".join(f"\\U{ord(each):08x}" for each in text) + '"'
@@ -142,19 +142,19 @@ LAYOUTS = {
     "one_line.xml": lambda file: in_one_line(write_xml(file)),
     "crlf.xml": lambda file: write_xml(file).replace("\n", "\r\n"),
     "canonical.yaml": write_yaml,
-    "brackets.yaml": between_brackets,
+    "brackets.yaml": to_flow_style,
 }
 
 
-def require_right(tree_file, name, arguments):
-    """Require that an operation on a text is the one on lists, and that its inverse leads back; return the new file."""
+def require_equal_to_model(tree_file, name, arguments):
+    """Require that an operation on a text equals the one on lists, and that its inverse restores the text; return the new file."""
     text, path = tree_file.source.text, tree_file.source.path
     edits = edits_of(tree_file, name, **arguments)
     edited = apply_edits(text, edits)
     changed = parse_tree(edited, path)
-    expected = Model(listed(tree_file.root))
+    expected = Model(as_lists(tree_file.root))
     getattr(expected, name)(**arguments)
-    assert listed(changed.root) == expected.root
+    assert as_lists(changed.root) == expected.root
     assert apply_edits(edited, inverse_edits(text, edits)) == text
     return changed
 
@@ -170,23 +170,23 @@ def comments_of(tree_file):
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @given(st.data())
-def test_a_random_operation_on_a_text_is_the_same_on_the_tree_and_its_inverse_leads_back(layout, data):
+def test_random_operation_equals_list_operation_and_is_invertible(layout, data):
     made = data.draw(tree_files())
     tree_file = parse_tree(LAYOUTS[layout](made), layout)
     for _ in range(2):
         name, arguments = data.draw(operations(tree_file))
         before = comments_of(tree_file)
-        tree_file = require_right(tree_file, name, arguments)
+        tree_file = require_equal_to_model(tree_file, name, arguments)
         if name in ("move", "insert") or (name == "wrap" and layout.endswith("xml")):
             assert comments_of(tree_file) == before
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=str)
 @given(st.data())
-def test_on_the_shipped_trees_an_operation_replaces_nothing_but_its_elements(path, data):
+def test_operation_on_shipped_tree_replaces_only_its_elements(path, data):
     tree_file = parse_tree(path.read_text(), str(path))
     name, arguments = data.draw(operations(tree_file))
-    require_right(tree_file, name, arguments)
+    require_equal_to_model(tree_file, name, arguments)
     elements = EditedFile(tree_file).elements
     concerned = elements[arguments.get("element", 0)]
     last = elements[arguments.get("last", arguments.get("element", 0))]
@@ -239,7 +239,7 @@ def edited(text, operation, path="tree.xml", /, **arguments):
     return apply_edits(text, edits_of(parse_tree(text, path), operation, **arguments))
 
 
-def test_a_node_is_moved_with_the_comments_about_it_and_nothing_else_changes():
+def test_node_is_moved_with_its_comments_and_nothing_else_changes():
     lines = XML.splitlines(keepends=True)
     assert edited(XML, "move", element=3, parent=2, index=2) == "".join(
         [*lines[:3], *lines[5:10], *lines[3:5], *lines[10:]]
@@ -256,17 +256,17 @@ def test_a_node_is_moved_with_the_comments_about_it_and_nothing_else_changes():
         ("insert", {"parent": 2, "index": 0, "tag": "B"}, "children:\n                - B"),
     ],
 )
-def test_a_bare_tag_at_the_end_of_a_file_without_a_line_end_is_given_content(operation, arguments, below):
+def test_bare_tag_at_end_of_file_without_newline_gets_content(operation, arguments, below):
     text = "root:\n  children:\n    - BehaviorTree:\n        children:\n          - A"
     assert edited(text, operation, "t.yaml", **arguments) == f"{text}:\n              {below}"
 
 
-def test_exchanging_equal_nodes_is_no_edit_that_undo_would_take_back():
+def test_exchanging_equal_nodes_makes_no_edit():
     text = XML.replace('<B y="{k}"\n         z="2"/>', "<A/>\n      <A/>")
     assert edits_of(parse_tree(text, "tree.xml"), "move", element=4, parent=2, index=3) == []
 
 
-def test_an_attribute_is_changed_in_its_quotes_and_a_new_one_stands_as_the_others_do():
+def test_attribute_change_keeps_quotes_and_layout():
     assert edited(XML, "set_attribute", element=3, name="x", value="it's") == XML.replace(
         "'1'", "'it&apos;s'"
     )
@@ -283,15 +283,15 @@ def test_an_attribute_is_changed_in_its_quotes_and_a_new_one_stands_as_the_other
 
 
 @pytest.mark.parametrize(("text", "path"), [(XML, "t.xml"), (YAML, "t.yaml")])
-def test_what_is_extracted_to_a_subtree_is_ticked_with_the_same_keys_and_inlined_again(text, path):
+def test_extracted_subtree_shares_keys_and_can_be_inlined(text, path):
     extracted = edited(text, "extract", path, element=4, tree="Part")
     root = parse_tree(extracted, path).root
     assert root.attributes["main_tree_to_execute"] == "Main"
     call = root.children[0].children[0].children[1]
     assert (call.tag, call.attributes) == ("SubTree", {"ID": "Part", "_autoremap": "true"})
-    assert listed(root.children[1]) == ["BehaviorTree", {"ID": "Part"}, [["B", {"y": "{k}", "z": "2"}, []]]]
+    assert as_lists(root.children[1]) == ["BehaviorTree", {"ID": "Part"}, [["B", {"y": "{k}", "z": "2"}, []]]]
     inlined = parse_tree(edited(extracted, "inline", path, element=4), path)
-    assert listed(inlined.root.children[0]) == listed(parse_tree(text, path).root.children[0])
+    assert as_lists(inlined.root.children[0]) == as_lists(parse_tree(text, path).root.children[0])
 
 
 CALL = """<root BTCPP_format="4" main_tree_to_execute="Main">
@@ -303,7 +303,7 @@ CALL = """<root BTCPP_format="4" main_tree_to_execute="Main">
 """
 
 
-def test_the_keys_of_an_inlined_subtree_are_those_of_its_ports():
+def test_keys_of_inlined_subtree_are_replaced_by_its_ports():
     inlined = edited(CALL.format('k="{outer}" other="5"'), "inline", element=2)
     assert '<BehaviorTree ID="Main"><A x="{outer}" y="5"/></BehaviorTree>' in inlined
 
@@ -312,7 +312,7 @@ def test_the_keys_of_an_inlined_subtree_are_those_of_its_ports():
     ("ports", "reason"),
     [('_skipIf="true"', "has '_skipIf'"), ('ID2="{k}"/><A x="{k}"', "the key 'k' has another meaning")],
 )
-def test_a_subtree_that_would_mean_something_else_is_not_inlined(ports, reason):
+def test_subtree_whose_meaning_would_change_is_not_inlined(ports, reason):
     with pytest.raises(EditError, match=reason):
         edited(CALL.format(ports), "inline", element=2)
 
@@ -334,12 +334,12 @@ def test_a_subtree_that_would_mean_something_else_is_not_inlined(ports, reason):
         ("burn", {}, "unknown operation 'burn'"),
     ],
 )
-def test_an_impossible_operation_says_why(operation, arguments, reason):
+def test_impossible_operation_reports_the_reason(operation, arguments, reason):
     with pytest.raises(EditError, match=re.escape(reason)):
         edited(XML, operation, **arguments)
 
 
-def test_a_comment_below_the_last_child_does_not_become_a_part_of_the_text_above_it():
+def test_comment_below_deleted_child_does_not_join_text_above():
     head = "Sequence:\n  name: |-\n    a := 1;\n    b := 2\n"
     tree_file = parse_tree(f"{head}  children:\n    - Sleep\n    # wait here\n", "tree.yaml")
     edits = edits_of(tree_file, "delete", element=1)

@@ -1,4 +1,4 @@
-"""The examples are tried with the same means as the missions and the nodes."""
+"""Fixtures for tests of the examples, shared with the tests of missions and nodes."""
 
 from tests.e2e.conftest import start, witness
 from tests.ros.conftest import make_ros, ros

@@ -1,4 +1,4 @@
-"""What an example's README says: what to type, and what one sees then."""
+"""Reads the commands and the shown output from the README of an example."""
 
 import re
 import shlex
@@ -16,13 +16,13 @@ _OURS = ".venv/bin/"
 
 @dataclass(frozen=True)
 class Step:
-    """Commands, and the blocks that one sees.
+    """Commands of a README, and the output that it shows.
 
     Attributes:
         example: The example.
         number: The step's number in its README, from 1.
-        commands: The commands, taken apart into words, without the folder before the first.
-        shown: What the README shows below them.
+        commands: The commands as lists of words, without the folder of the program.
+        shown: The blocks of output below them.
     """
 
     example: str
@@ -38,7 +38,7 @@ class Step:
         return [start(*command) for command in self.commands]
 
     def unseen(self, commands: list[Command]) -> list[str]:
-        """Return the shown lines that no command has printed so far; which picture it is does not matter."""
+        """Return the shown lines that no command has printed so far; the numbers of pictures are ignored."""
         output = "\n".join(command.output for command in commands)
         lines = [line for block in self.shown for line in block.splitlines()]
         return [line for line in lines if not re.search(_pattern(line), output, re.MULTILINE)]
@@ -53,7 +53,7 @@ def _pattern(line):
 
 
 def steps(example: str) -> list[Step]:
-    """Return the steps of an example's README that do not need more than `make env`."""
+    """Return the steps of an example's README that need only `make env`."""
     found: list[Step] = []
     for language, block in _FENCE.findall((EXAMPLES / example / "README.md").read_text(encoding="utf-8")):
         if language == "sh":

@@ -1,4 +1,4 @@
-"""The example's leaves on a node with a clock and odometry that a test dictates."""
+"""The leaves of the example `drive_to_goal` on a node whose clock and odometry a test controls."""
 
 import math
 import time
@@ -19,7 +19,7 @@ from tests.waiting import SILENCE_SEC
 
 
 class Stage:
-    """A node with the leaves, and another one that plays the robot."""
+    """A node with the leaves, and a node that acts as the robot."""
 
     def __init__(self):
         self._context = Context()
@@ -52,7 +52,7 @@ class Stage:
         self._commands.append((message.twist.linear.x, message.twist.angular.z))
 
     def clock(self, seconds):
-        """Set the time forward by so many seconds, and see that the leaves' node has it."""
+        """Advance the clock, and wait until the node of the leaves has received it."""
         wanted = self._node.get_clock().now().nanoseconds + int(seconds * 1e9)
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(wanted, 10**9)
@@ -64,7 +64,7 @@ class Stage:
         self._until(told, "the time")
 
     def odometry(self, x, y, yaw):
-        """Tell all leaves where the robot is."""
+        """Publish the robot's pose, and wait until all leaves have received it."""
         message = Odometry()
         message.pose.pose.position.x, message.pose.pose.position.y = x, y
         message.pose.pose.orientation.z = math.sin(yaw / 2)
@@ -82,11 +82,11 @@ class Stage:
         return self._leaves[name].status.name
 
     def leave(self, name):
-        """Stop a leaf as a tree does that turns to something else."""
+        """Stop a leaf, as a tree does when it switches to another branch."""
         self._leaves[name].stop(Status.INVALID)
 
     def next_command(self):
-        """Return the next command that the robot gets."""
+        """Return the next velocity command."""
         self._until(lambda: self._commands, "a command")
         return self._commands.pop(0)
 
@@ -97,7 +97,7 @@ class Stage:
             self._executor.spin_once(timeout_sec=0.02)
 
     def close(self):
-        """End it all."""
+        """Shut down the nodes."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._robot.destroy_node()

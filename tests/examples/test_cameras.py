@@ -1,4 +1,4 @@
-"""The examples with cameras: what their READMEs say is typed, and what they promise is seen in the graph."""
+"""Tests of the examples with cameras: commands of the READMEs print the shown output, and the graph is as described."""
 
 import signal
 
@@ -14,7 +14,7 @@ QUICK = ["-p", "rate_hz:=20.0"]
 
 
 class Listener:
-    """A node that keeps what it hears on topics of texts."""
+    """A node that records the messages on string topics."""
 
     def __init__(self, ros):
         self.ros = ros
@@ -28,12 +28,12 @@ class Listener:
         self.node.create_subscription(String, topic, lambda text: self.heard[topic].append(text.data), 10)
 
     def wait_for(self, topic, count=1):
-        """Wait until so many texts more were heard."""
+        """Wait for further messages on a topic."""
         wanted = len(self.heard[topic]) + count
         self.ros.spin_until(lambda: len(self.heard[topic]) >= wanted, f"{wanted} texts on {topic}")
 
     def wait_for_nodes(self, *names):
-        """Wait until nodes are in the graph, by their full names."""
+        """Wait until nodes with some full names are in the graph."""
         self.ros.spin_until(lambda: set(names) <= self.nodes(), f"the nodes {', '.join(names)}")
 
     def nodes(self):
@@ -47,7 +47,7 @@ def listener(ros):
     return Listener(ros)
 
 
-def a_namespace_moves_the_topic_of_each_camera(listener):
+def namespace_moves_topic_of_each_camera(listener):
     for topic in ("/front/image_raw", "/rear/image_raw", "/image_raw"):
         listener.listen(topic)
     yield
@@ -59,13 +59,13 @@ def a_namespace_moves_the_topic_of_each_camera(listener):
     assert "/camera_node" not in listener.nodes()
 
 
-def a_remapped_node_is_in_the_graph_by_its_new_name_alone(listener):
+def remapped_node_has_only_its_new_name(listener):
     yield
     listener.wait_for_nodes("/front_camera", "/rear_camera")
     assert "/camera_node" not in listener.nodes()
 
 
-def remapped_to_one_topic_the_processor_passes_on_what_the_camera_takes(listener):
+def processor_on_remapped_topic_receives_images(listener):
     listener.listen("/seen")
     listener.listen("/image_raw")
     yield
@@ -74,7 +74,7 @@ def remapped_to_one_topic_the_processor_passes_on_what_the_camera_takes(listener
     assert listener.heard["/image_raw"] == []
 
 
-def in_namespaces_each_processor_sees_its_own_camera_alone(listener):
+def processor_in_namespace_receives_only_its_camera(listener):
     listener.listen("/front/seen")
     listener.listen("/rear/seen")
     yield
@@ -85,7 +85,7 @@ def in_namespaces_each_processor_sees_its_own_camera_alone(listener):
         assert [text for text in heard if not text.endswith(f" of what is at the {side}")] == []
 
 
-def a_parameter_given_with_p_wins_over_every_section_of_the_file(listener):
+def parameter_option_overrides_every_section_of_file(listener):
     topics = ("/image_raw", "/front/image_raw")
     for topic in topics:
         listener.listen(topic)
@@ -95,17 +95,17 @@ def a_parameter_given_with_p_wins_over_every_section_of_the_file(listener):
         assert listener.heard[topic][0].endswith(" of a kitchen")
 
 
-def nothing_more(listener):
+def no_promise(listener):
     yield
 
 
-# What is true in the graph while the commands of a step run: what comes before `yield`, and behind it.
+# Checks of the graph while the commands of a step run: set up before `yield`, checked after it.
 PROMISES = {
-    "namespaces-1": a_namespace_moves_the_topic_of_each_camera,
-    "node_remapping-1": a_remapped_node_is_in_the_graph_by_its_new_name_alone,
-    "topic_remapping-2": remapped_to_one_topic_the_processor_passes_on_what_the_camera_takes,
-    "namespace_and_remapping-1": in_namespaces_each_processor_sees_its_own_camera_alone,
-    "parameters-3": a_parameter_given_with_p_wins_over_every_section_of_the_file,
+    "namespaces-1": namespace_moves_topic_of_each_camera,
+    "node_remapping-1": remapped_node_has_only_its_new_name,
+    "topic_remapping-2": processor_on_remapped_topic_receives_images,
+    "namespace_and_remapping-1": processor_in_namespace_receives_only_its_camera,
+    "parameters-3": parameter_option_overrides_every_section_of_file,
 }
 
 
@@ -113,13 +113,13 @@ CAMERA_EXAMPLES = ["namespaces", "node_remapping", "topic_remapping", "namespace
 ENDLESS = [step for example in CAMERA_EXAMPLES for step in steps(example)] + steps("cameras")[:1]
 
 
-def test_every_promise_is_of_a_step_that_is_tried():
+def test_every_promise_belongs_to_a_tested_step():
     assert PROMISES.keys() <= {str(step) for step in ENDLESS}
 
 
 @pytest.mark.parametrize("step", ENDLESS, ids=str)
-def test_one_sees_what_the_readme_shows_and_promises_and_ctrl_c_ends_it(step, start, listener):
-    promise = PROMISES.get(str(step), nothing_more)(listener)
+def test_step_prints_shown_output_keeps_promise_and_ends_on_ctrl_c(step, start, listener):
+    promise = PROMISES.get(str(step), no_promise)(listener)
     next(promise)
     commands = step.start(start)
     try:
@@ -134,27 +134,27 @@ def test_one_sees_what_the_readme_shows_and_promises_and_ctrl_c_ends_it(step, st
     assert [command.end() for command in commands] == [0] * len(commands)
 
 
-def test_what_ros_does_not_accept_is_said_in_the_line_that_the_readme_shows(start):
+def test_arguments_refused_by_ros_are_reported_with_shown_line(start):
     step = steps("cameras")[1]
     commands = step.start(start)
     assert [command.end() for command in commands] == [2] * len(commands)
     assert step.unseen(commands) == []
 
 
-def test_a_rate_outside_the_range_is_refused_with_the_range(start):
+def test_rate_outside_range_is_refused_with_the_range(start):
     camera = start("python", CAMERA, "--ros-args", "-p", "rate_hz:=0.0")
     assert camera.end() == 2
     assert "rate_hz out of range Min: 0.1, Max: 100.0, value: 0.0" in camera.output
 
 
-def test_sigterm_ends_both_programs_in_order(start):
+def test_sigterm_ends_both_programs_with_status_0(start):
     programs = [start("python", CAMERA), start("python", PROCESSOR)]
     programs[0].wait_for("Publishing on /image_raw")
     programs[1].wait_for("Looking at /camera/image")
     assert [program.stop(signal.SIGTERM, within_sec=10.0) for program in programs] == [0, 0]
 
 
-def test_without_remapping_the_processor_sees_nothing_of_the_camera(start, listener):
+def test_processor_receives_nothing_without_remapping(start, listener):
     listener.listen("/image_raw")
     _, processor = (start(*command, "--ros-args", *QUICK) for command in steps("topic_remapping")[0].commands)
     listener.wait_for_nodes("/camera_node", "/image_processor")

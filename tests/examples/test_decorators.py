@@ -1,4 +1,4 @@
-"""The example `decorators`: its four trees, run as its README says."""
+"""Tests of the example `decorators`: its four trees, run with the commands of its README."""
 
 import re
 
@@ -14,19 +14,19 @@ LEAVES = "examples.decorators.leaves"
 FOLDER = EXAMPLES / "decorators"
 
 
-def test_there_is_a_tree_for_each_decorator_and_no_other():
+def test_there_is_exactly_one_tree_for_each_decorator():
     assert sorted(path.stem for path in FOLDER.glob("*.xml")) == sorted(TREES)
 
 
 @pytest.mark.parametrize("tree", TREES)
-def test_the_tree_compiles_as_reviewed(tree):
+def test_tree_compiles_as_reviewed(tree):
     golden = f"tests/golden/examples/{tree}.json"
     assert_matches_golden(FOLDER / f"{tree}.xml", golden, registry=load_registry([LEAVES]))
 
 
 @pytest.fixture(scope="module")
 def runs():
-    """Run all four at the same time, each as its step of the README says."""
+    """Run all four trees at the same time, each with the command of its step."""
     commands = [Command(*words) for step in steps("decorators") for words in step.commands]
     yield [(command.end(), command.output) for command in commands]
     for command in commands:
@@ -34,13 +34,13 @@ def runs():
 
 
 def without_times(text):
-    """Return the lines that tell of changes, without the time that each begins with."""
+    """Return the lines about changes without their times."""
     return [found[1] for line in text.splitlines() if (found := re.match(r" +\d+:\d\d  (.*)", line))]
 
 
 @pytest.mark.ros
 @pytest.mark.parametrize("tree", TREES)
-def test_the_tree_succeeds_and_is_printed_as_the_readme_shows(runs, tree):
+def test_tree_succeeds_and_prints_output_of_readme(runs, tree):
     number = TREES.index(tree)
     step, (status, output) = steps("decorators")[number], runs[number]
     assert str(FOLDER / f"{tree}.xml") in step.commands[0]

@@ -1,4 +1,4 @@
-"""The example `drive_to_goal`: its leaves against scripted odometry, and all of it in the simulator."""
+"""Tests of the example `drive_to_goal`: its leaves with scripted odometry, and the whole example in the simulator."""
 
 import math
 import re
@@ -15,11 +15,11 @@ TREE = FOLDER / "drive_to_goal.xml"
 LEAVES = "examples.drive_to_goal.leaves"
 
 
-def test_the_tree_compiles_as_reviewed():
+def test_tree_compiles_as_reviewed():
     assert_matches_golden(TREE, "tests/golden/examples/drive_to_goal.json", registry=load_registry([LEAVES]))
 
 
-def test_the_leaves_have_the_lecture_s_values_by_default():
+def test_leaves_have_lecture_values_by_default():
     specs = {spec.tag: spec for spec in load_registry([LEAVES])}
     defaults = {
         (tag, name): specs[tag].parameters[name].default
@@ -36,12 +36,12 @@ def test_the_leaves_have_the_lecture_s_values_by_default():
     assert list(defaults.values()) == [2.0, 0.0, 0.3, 0.4, 0.8, 0.8, 0.0]
 
 
-def test_the_parameter_file_has_every_value_that_the_tree_takes_from_parameters():
+def test_parameter_file_has_every_parameter_of_the_tree():
     values = yaml.safe_load((FOLDER / "params.yaml").read_text(encoding="utf-8"))["/**"]["ros__parameters"]
     assert set(re.findall(r"\{@(\w+)\}", TREE.read_text(encoding="utf-8"))) == set(values) - {"tick_rate_hz"}
 
 
-def test_the_timeout_runs_on_the_mission_s_clock():
+def test_timeout_uses_mission_clock():
     tree = compile_for_test(TREE, registry=load_registry([LEAVES]))
     timeouts = [node for node in tree.root.iterate() if node.name == "DriveForwardTimeout"]
     assert type(timeouts[0]).__name__ == "Timeout"
@@ -55,7 +55,7 @@ def run_example(start, until, *ros):
 
 
 @pytest.mark.ros
-def test_the_robot_reaches_the_goal_and_the_run_ends(start):
+def test_robot_reaches_goal_and_run_ends(start):
     run = run_example(start, "failure")
     assert run.end() == 0, run.output
     assert "DriveToGoal FAILURE" in run.output
@@ -65,7 +65,7 @@ def test_the_robot_reaches_the_goal_and_the_run_ends(start):
 
 @pytest.mark.ros
 @pytest.mark.parametrize(("goal_x", "goal_y"), [(5.0, 0.0), (-1.0, 1.0)])
-def test_the_robot_stands_at_the_goal_that_the_parameters_name(start, witness, goal_x, goal_y):
+def test_robot_stops_at_goal_of_parameters(start, witness, goal_x, goal_y):
     watching = witness()
     run = run_example(start, "forever", "-p", f"goal_x:={goal_x}", "-p", f"goal_y:={goal_y}")
     run.wait_for("GoalNotReached? FAILURE")
@@ -76,7 +76,7 @@ def test_the_robot_stands_at_the_goal_that_the_parameters_name(start, witness, g
 
 
 @pytest.mark.ros
-def test_the_recovery_turns_the_robot_after_a_time_out(start, witness):
+def test_recovery_turns_robot_after_timeout(start, witness):
     watching = witness()
     run = run_example(
         start, "forever", "-p", "goal_x:=10.0", "-p", "timeout_duration:=3.0", "-p", "goal_yaw:=1.57"
@@ -90,7 +90,7 @@ def test_the_recovery_turns_the_robot_after_a_time_out(start, witness):
 
 @pytest.mark.ros
 class TestWithoutOdometry:
-    """Nothing but zero is commanded while nobody knows where the robot is."""
+    """Leaves command zero velocity while the robot's position is unknown."""
 
     @pytest.fixture
     def stage(self):
@@ -101,12 +101,12 @@ class TestWithoutOdometry:
         stage.close()
 
     @pytest.mark.parametrize("leaf", ["DriveForward", "SpinInPlace"])
-    def test_before_the_first_message(self, stage, leaf):
+    def test_command_is_zero_before_first_message(self, stage, leaf):
         stage.tick(leaf)
         assert stage.next_command() == (0.0, 0.0)
 
     @pytest.mark.parametrize("leaf", ["DriveForward", "SpinInPlace"])
-    def test_when_the_last_message_is_too_old(self, stage, leaf):
+    def test_command_is_zero_if_last_message_is_too_old(self, stage, leaf):
         stage.tick(leaf)
         stage.next_command()
         stage.odometry(x=0.0, y=-3.0, yaw=-1.0)
@@ -117,7 +117,7 @@ class TestWithoutOdometry:
         assert stage.next_command() == (0.0, 0.0)
 
     @pytest.mark.parametrize("leaf", ["DriveForward", "SpinInPlace"])
-    def test_when_the_clock_has_jumped_back(self, stage, leaf):
+    def test_command_is_zero_after_clock_jumped_back(self, stage, leaf):
         stage.tick(leaf)
         stage.next_command()
         stage.odometry(x=0.0, y=-3.0, yaw=-1.0)
@@ -125,7 +125,7 @@ class TestWithoutOdometry:
         stage.tick(leaf)
         assert stage.next_command() == (0.0, 0.0)
 
-    def test_a_leaf_that_is_left_tells_the_robot_to_stand(self, stage):
+    def test_stopped_leaf_commands_zero_velocity(self, stage):
         stage.tick("DriveForward")
         stage.next_command()
         stage.odometry(x=0.0, y=0.0, yaw=0.0)
@@ -134,7 +134,7 @@ class TestWithoutOdometry:
         stage.leave("DriveForward")
         assert stage.next_command() == (0.0, 0.0)
 
-    def test_the_goal_counts_as_not_reached(self, stage):
+    def test_goal_is_not_reached_without_odometry(self, stage):
         assert stage.tick("GoalNotReached") == "SUCCESS"
         stage.odometry(x=1.8, y=0.0, yaw=0.0)
         assert stage.tick("GoalNotReached") == "FAILURE"

@@ -1,4 +1,4 @@
-"""The example `photo_patrol`: a mission in a package of its own, installed and run."""
+"""Tests of the example `photo_patrol`: a mission in a separate package, installed and run."""
 
 import json
 import shutil
@@ -20,7 +20,7 @@ STATUSES = [0, 0, 1]
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
-    """Install the package into a folder of its own; return the environment in which it is found."""
+    """Install the package into a separate folder; return the environment variables to find it."""
     folder = tmp_path_factory.mktemp("photo_patrol")
     shutil.copytree(EXAMPLES / "photo_patrol", folder / "source")
     command = [sys.executable, "-m", "pip", "install", "--no-deps", "--disable-pip-version-check", "--target"]
@@ -36,7 +36,7 @@ RUNS = [step for step in steps("photo_patrol") if step.commands[0][0] == "sar-ru
 
 @pytest.mark.costly
 @pytest.mark.parametrize(("step", "status"), [*zip(RUNS, STATUSES, strict=True)], ids=str)
-def test_what_the_readme_says_is_what_one_sees(start, installed, step, status):
+def test_run_prints_output_of_readme(start, installed, step, status):
     run = start(*step.commands[0], env=installed)
     assert run.end() == status, run.output
     assert step.shown
@@ -44,13 +44,13 @@ def test_what_the_readme_says_is_what_one_sees(start, installed, step, status):
     assert "service ready" not in run.output
 
 
-def test_its_tree_has_no_findings(start, installed):
+def test_patrol_tree_has_no_findings(start, installed):
     check = start("sar-compile", "validate", PATROL, env=installed)
     assert check.end() == 0, check.output
 
 
 @pytest.mark.costly
-def test_what_holds_in_every_patrol_is_proved_watched_in_flight_and_kept(start, installed, tmp_path):
+def test_properties_are_proved_monitored_in_run_and_kept_in_journal(start, installed, tmp_path):
     proof = start("sar-compile", "verify", PATROL, env=installed)
     assert proof.end() == 0, proof.output
     assert "5 outcomes: 5 proved" in proof.output
@@ -64,7 +64,7 @@ def test_what_holds_in_every_patrol_is_proved_watched_in_flight_and_kept(start, 
 
 
 @pytest.mark.costly
-def test_one_bad_photo_is_tried_again(start, installed):
+def test_failed_photo_is_retried(start, installed):
     faults = ("--fault", "take_photo:refuse=1", "--fault", "take_photo:delay=1")
     run = start("sar-run", "--mission", "photo_patrol", "--sim", "--speed", 20, *faults, env=installed)
     assert run.end() == 0, run.output
@@ -73,7 +73,7 @@ def test_one_bad_photo_is_tried_again(start, installed):
 
 
 @pytest.mark.costly
-def test_a_camera_that_nobody_brings_is_named(start, installed):
+def test_missing_camera_service_is_named(start, installed):
     run = start("sar-run", PATROL, "--ros-args", "-p", "startup_timeout_sec:=1.0", env=installed)
     assert run.end() == 3
     assert "service take_photo: no server" in run.output
@@ -94,7 +94,7 @@ def test_a_camera_that_nobody_brings_is_named(start, installed):
         ),
     ],
 )
-def test_a_mistake_is_answered_before_anything_moves(start, installed, arguments, words):
+def test_usage_error_is_reported_before_robot_moves(start, installed, arguments, words):
     run = start("sar-run", PATROL, *arguments, env=installed)
     assert run.end() == 2
     assert words in run.output
@@ -102,7 +102,7 @@ def test_a_mistake_is_answered_before_anything_moves(start, installed, arguments
 
 
 @pytest.mark.costly
-def test_a_tree_of_two_missions_is_refused_unless_one_is_named(start, installed, tmp_path):
+def test_run_of_tree_with_leaves_of_two_missions_is_refused(start, installed, tmp_path):
     tree = tmp_path / "both.xml"
     tree.write_text(document("<Sequence><ZonesRemaining/><TakePhoto/></Sequence>"), encoding="utf-8")
     both = start("sar-run", tree, env=installed)
@@ -120,7 +120,7 @@ def test_a_tree_of_two_missions_is_refused_unless_one_is_named(start, installed,
 
 
 @pytest.mark.costly
-def test_a_tree_of_two_missions_is_found_without_a_robot_too(start, installed, tmp_path):
+def test_leaves_of_two_missions_are_reported_by_checking_commands(start, installed, tmp_path):
     tree = tmp_path / "both.xml"
     tree.write_text(document("<Sequence><ZonesRemaining/><TakePhoto/></Sequence>"), encoding="utf-8")
     found = start("sar-compile", "validate", tree, env=installed)
@@ -139,7 +139,7 @@ def test_a_tree_of_two_missions_is_found_without_a_robot_too(start, installed, t
 
 
 @pytest.mark.costly
-def test_a_patrol_that_dies_is_resumed_without_a_second_photo_of_any_point(start, installed, tmp_path):
+def test_crashed_patrol_is_resumed_without_second_photo_of_any_point(start, installed, tmp_path):
     patrol = ("--mission", "photo_patrol", "--sim", "--speed", 20, "--journal", tmp_path / "patrol.journal")
     dead = start("python", "-c", KILLER, 5, "written", *patrol, env=installed)
     assert dead.end() == -signal.SIGKILL
@@ -152,7 +152,7 @@ def test_a_patrol_that_dies_is_resumed_without_a_second_photo_of_any_point(start
     facts = data["facts"]
     assert [each["data"] for each in facts if each["kind"] == "photo_taken"] == [
         {"photo": f"photo_{number}"}
-        for number in (1, 2, 1)  # the camera has begun anew, too
+        for number in (1, 2, 1)  # the camera has been restarted, too
     ]
     assert [each["kind"] for each in facts].count("point_left") == 3
     assert [point["level"] for point in data["landmarks"]["points"]] == ["done"] * 3

@@ -1,4 +1,4 @@
-"""The example `two_robots`: two missions in one world, as its README flies them, and what a bystander sees."""
+"""Tests of the example `two_robots`: two missions in one world, observed by a third node."""
 
 import itertools
 import math
@@ -31,14 +31,14 @@ def parameters(robot):
     return yaml.safe_load((FOLDER / f"{robot}.yaml").read_text())["/**"]["ros__parameters"]
 
 
-def on_the_map(start, places):
-    """Places in a robot's frame `odom`, which is where it started, as places in `map`."""
+def to_map_frame(start, places):
+    """Convert positions from a robot's `odom` frame, whose origin is its start pose, to `map`."""
     cos, sin = math.cos(start["yaw"]), math.sin(start["yaw"])
     return [(start["x"] + cos * x - sin * y, start["y"] + sin * x + cos * y) for x, y in places]
 
 
 class Bystander(Watcher):
-    """A node in no robot's namespace, which keeps what it hears from both and on the global topics."""
+    """A node outside the robots' namespaces that records messages of both robots and on global topics."""
 
     def __init__(self):
         super().__init__("bystander")
@@ -81,19 +81,19 @@ class Bystander(Watcher):
         self.told[topic.split("/")[1]].add((position.x, position.y))
 
     def wait_until(self, seen, what):
-        """Wait until something has been heard."""
+        """Wait until a condition on the received messages holds."""
         with self._news:
             self._news.wait_until(seen, lambda: f"{what} did not come: {self.frames}, {self.goals}")
 
 
-class Flight:
-    """The script from its start to its end, and who saw it.
+class ScriptRun:
+    """A run of the script from start to end, with its observer.
 
     Attributes:
-        run: The script.
+        run: The script's process.
         status: Its exit status.
-        bystander: What was heard meanwhile.
-        global_publishers: How many published on each global topic while both robots were there.
+        bystander: The node that recorded messages meanwhile.
+        global_publishers: The number of publishers on each global topic while both robots ran.
     """
 
     def __init__(self, run, bystander):
@@ -104,7 +104,7 @@ class Flight:
         self.status = run.end()
         for robot in ROBOTS:
             bystander.wait_until(
-                # On a slow machine a goal can be answered after its limit, and is then sent anew.
+                # On a slow machine a goal can miss its time limit, and is then sent again.
                 lambda robot=robot: list(bystander.goals.get(robot, {}).values()).count(SUCCEEDED) >= 3,
                 f"the success of three goals of {robot}",
             )
@@ -114,19 +114,19 @@ class Flight:
             )
 
     def log_of(self, robot, node):
-        """The lines of one node, with their wall time."""
+        """Return the log lines of one node, with their wall times."""
         return [(time, text) for time, name, text in self.run.stamped_log() if name == f"{robot}.{node}"]
 
 
-# One flight of some 10 s of CPU serves all of them. Namespaces, places and servers of several robots: tests/sim/test_several_robots.py.
+# One run of some 10 s of CPU serves all tests. tests/sim/test_several_robots.py tests namespaces, positions and servers of several robots.
 @pytest.fixture(scope="module")
-def flight():
+def script_run():
     bystander = Bystander()
     run = Command(
         "/bin/bash", FOLDER / "two_robots.sh", 5, env={"PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"}
     )
     try:
-        yield Flight(run, bystander)
+        yield ScriptRun(run, bystander)
     finally:
         run.kill()
         bystander.close()
@@ -134,15 +134,15 @@ def flight():
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_both_missions_are_complete_and_so_the_script_succeeds(flight):
-    assert flight.status == 0, flight.run.output
-    assert flight.run.output.count("Summary: the mission is complete.") == 2
+def test_script_succeeds_after_both_missions_complete(script_run):
+    assert script_run.status == 0, script_run.run.output
+    assert script_run.run.output.count("Summary: the mission is complete.") == 2
 
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_both_are_under_way_at_the_same_time(flight):
-    drives = [flight.log_of(robot, "search_and_rescue") for robot in ROBOTS]
+def test_both_missions_run_at_the_same_time(script_run):
+    drives = [script_run.log_of(robot, "search_and_rescue") for robot in ROBOTS]
     starts = [next(time for time, text in log if text.startswith("Navigating to ")) for log in drives]
     ends = [next(time for time, text in log if text == "Mission complete.") for log in drives]
     assert max(starts) < min(ends)
@@ -151,9 +151,9 @@ def test_both_are_under_way_at_the_same_time(flight):
 @pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_each_mission_visits_the_zones_of_its_own_parameters(flight, robot):
+def test_each_mission_visits_zones_of_its_parameters(script_run, robot):
     assert parameters(robot)["zone_order"] == ZONES[robot]
-    log = [text for _, text in flight.log_of(robot, "search_and_rescue")]
+    log = [text for _, text in script_run.log_of(robot, "search_and_rescue")]
     reached = [text for text in log if text.startswith("Reached ")]
     assert reached == [*(f"Reached {zone}." for zone in ZONES[robot]), "Reached base station."]
 
@@ -161,9 +161,9 @@ def test_each_mission_visits_the_zones_of_its_own_parameters(flight, robot):
 @pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_each_robot_drives_to_its_own_zones_and_never_into_the_other_half(flight, robot):
+def test_each_robot_stays_in_its_half_and_reaches_its_zones(script_run, robot):
     own = parameters(robot)
-    places = on_the_map(own["initial_pose"], flight.bystander.places[f"/{robot}/tf"])
+    places = to_map_frame(own["initial_pose"], script_run.bystander.places[f"/{robot}/tf"])
     for zone in ZONES[robot]:
         target = own["zones"][zone]
         assert min(math.dist(place, (target["x"], target["y"])) for place in places) < 0.3
@@ -174,63 +174,63 @@ def test_each_robot_drives_to_its_own_zones_and_never_into_the_other_half(flight
 @pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_each_localisation_is_told_where_its_own_robot_starts(flight, robot):
+def test_each_localisation_receives_initial_pose_of_its_robot(script_run, robot):
     start = parameters(robot)["initial_pose"]
-    assert flight.bystander.told[robot] == {(start["x"], start["y"])}
-    assert "The initial pose" not in flight.run.output, "a robot does not stand where it is told"
+    assert script_run.bystander.told[robot] == {(start["x"], start["y"])}
+    assert "The initial pose" not in script_run.run.output, "a robot does not stand where it is told"
 
 
 @pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_each_server_is_asked_by_its_own_robot_only(flight, robot):
-    asked = [text for _, text in flight.log_of(robot, "detect_survivor_server") if "request for" in text]
-    # A request is repeated where a slow machine answers after its limit.
+def test_each_server_is_called_only_by_its_robot(script_run, robot):
+    asked = [text for _, text in script_run.log_of(robot, "detect_survivor_server") if "request for" in text]
+    # A request is repeated if a slow machine responds after the time limit.
     assert list(dict.fromkeys(text.split(":")[0] for text in asked)) == [
         f"Detection request for {zone}" for zone in ZONES[robot]
     ]
     _, x, y = SURVIVORS[robot]
-    reports = [text for _, text in flight.log_of(robot, "report_survivor_server") if "received" in text]
+    reports = [text for _, text in script_run.log_of(robot, "report_survivor_server") if "received" in text]
     assert set(reports) == {f"Report received: survivor_1 at ({x:.2f}, {y:.2f}). Acknowledged."}
 
 
 @pytest.mark.costly
 @pytest.mark.ros
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_each_robot_s_survivor_is_a_frame_of_that_robot_only(flight, robot):
-    assert flight.bystander.frames[f"/{robot}/tf_static"] == {"survivor_1": SURVIVORS[robot]}
+def test_survivor_frame_belongs_only_to_its_robot(script_run, robot):
+    assert script_run.bystander.frames[f"/{robot}/tf_static"] == {"survivor_1": SURVIVORS[robot]}
 
 
 @pytest.mark.costly
 @pytest.mark.ros
-def test_nothing_is_on_the_global_topics(flight):
-    assert flight.global_publishers == {"/tf": 0, "/tf_static": 0}
+def test_global_topics_have_no_publishers(script_run):
+    assert script_run.global_publishers == {"/tf": 0, "/tf_static": 0}
     topics = {f"/{robot}/{name}" for robot in ROBOTS for name in ("tf", "tf_static")}
-    assert set(flight.bystander.frames) == topics
-    assert set(flight.bystander.goals) == set(ROBOTS)
+    assert set(script_run.bystander.frames) == topics
+    assert set(script_run.bystander.goals) == set(ROBOTS)
 
 
-def way_of(robot, planner):
-    """All points of a robot's planned ways, from its base through its zones and back, as an array of shape (n, 2)."""
+def path_of(robot, planner):
+    """Return all points of a robot's planned path, from its base through its zones and back; shape (n, 2)."""
     own = parameters(robot)
     places = [own["base_station"], *(own["zones"][zone] for zone in own["zone_order"]), own["base_station"]]
     poses = [Pose2D(**place) for place in places]
     return np.concatenate([planner.plan(*legs).points for legs in itertools.pairwise(poses)])
 
 
-def test_the_robots_stay_apart_whichever_of_them_is_late():
+def test_planned_paths_of_robots_stay_apart():
     world = find_world("disaster_zone")
     assert world.map_path is not None
     planner = Planner(read_map(world.map_path), world.robot_radius)
-    north, south = (way_of(robot, planner) for robot in ROBOTS)
+    north, south = (path_of(robot, planner) for robot in ROBOTS)
     apart = np.hypot(*(north[:, None] - south[None, :]).transpose(2, 0, 1)).min()
-    # Metres; they touch at two radii, and in turning a robot leaves its way by less than one.
+    # In metres. The robots touch at two radii, and a turning robot leaves its path by less than one.
     assert apart > 4 * world.robot_radius
 
 
 @pytest.mark.parametrize("file", ["two_robots.sh", "two_robots.launch.py"])
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_a_robot_starts_where_its_parameters_say(file, robot):
+def test_robot_starts_at_initial_pose_of_its_parameters(file, robot):
     text = (FOLDER / file).read_text(encoding="utf-8")
     [start] = re.findall(rf'{robot}(?:": ")?:?(-?[\d.]+,[-\d.]+,[-\d.]+)', text)
     pose = parameters(robot)["initial_pose"]

@@ -1,4 +1,4 @@
-"""A bound on work that does not depend on how fast the machine is: the number of Python calls."""
+"""A limit of work that does not depend on the machine's speed: the number of Python calls."""
 
 import sys
 from collections.abc import Iterator
@@ -7,15 +7,15 @@ from types import FrameType
 
 
 class TooMuchWorkError(Exception):
-    """More calls were made than the work is worth."""
+    """The limit of calls was exceeded."""
 
 
 @contextmanager
 def at_most(calls: int) -> Iterator[None]:
-    """Stop what runs inside after a number of calls of Python functions.
+    """Limit the number of calls of Python functions in the block.
 
     Raises:
-        TooMuchWorkError: If there were more.
+        TooMuchWorkError: If there are more calls.
     """
     left, before = calls, sys.getprofile()
 

@@ -1,4 +1,4 @@
-"""Trees at random: every tag, attributes and values right and wrong, subtrees, conditions."""
+"""Random trees: every tag, valid and invalid attributes and values, subtrees, conditions."""
 
 from xml.sax.saxutils import quoteattr
 
@@ -28,7 +28,7 @@ VALUES = (
 
 
 def _fitting(parameter: Parameter):
-    """Values of a parameter, most of them right."""
+    """Return a strategy for values of a parameter, most of them valid."""
     value_type = parameter.value_type
     if value_type is NO_VALUE or value_type.python is None:
         return VALUES
@@ -83,7 +83,7 @@ def _parent(draw, children):
 
 
 NODES = st.recursive(_leaf(), _parent, max_leaves=8)
-"""The text of a node with everything in it."""
+"""The text of a node with its children."""
 
 
 @st.composite
@@ -101,7 +101,7 @@ _TAGS = [*(spec.tag for spec in SPECS), *(kind.value for kind in Kind), "SubTree
 
 @st.composite
 def _any_element(draw, children=None, most=0):
-    """An element of any tag, known or not, with any attributes, and up to *most* children whatever it is."""
+    """An element of any tag, known or not, with any attributes and up to *most* children."""
     tag = draw(st.sampled_from(_TAGS))
     specs = list(REGISTRY.variants(tag))
     fitting = draw(_attributes(specs[0])) if specs and draw(st.booleans()) else {}
@@ -114,7 +114,7 @@ def _any_element(draw, children=None, most=0):
 WRONG_NODES = st.recursive(
     _any_element(), lambda inner: _any_element(inner, 4) | _parent(inner), max_leaves=10
 )
-"""The text of a node in which any tag may have any children: none where some are needed, or unknown ones."""
+"""The text of a node in which any tag may have any children, also too few or unknown ones."""
 MODELS = st.sampled_from(
     [
         "",

@@ -1,4 +1,4 @@
-"""Trees that need not end: each command that analyses a tree or a run of it ends within its limits, and prints its result."""
+"""Tests of trees that may never end: each analysing command ends within its limits and prints its result."""
 
 import json
 import random
@@ -55,7 +55,7 @@ class RandomPolicy:
 
 
 def tree_of(seed: int) -> str:
-    """Return the elements of a tree; every second one has a part that need not end."""
+    """Return the elements of a tree; every second one has a part that may never end."""
     chance = random.Random(seed)  # noqa: S311 - the same in every run
     while True:
         body = random_tree(chance.randrange(1_000_000))
@@ -63,7 +63,7 @@ def tree_of(seed: int) -> str:
             body = chance.choice(ENDLESS).format(body)
         try:
             bound(body)
-        except TreeError:  # a node would be skipped that its parent takes for interrupted
+        except TreeError:  # a parent does not support a child that is skipped
             continue
         return body
 
@@ -78,7 +78,7 @@ def record_run(folder, seed):
 @pytest.mark.random
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(rounds(20)))
-def test_every_analysis_of_a_tree_that_need_not_end_ends_by_itself(seed, capsys, tmp_path, monkeypatch):
+def test_every_analysis_of_endless_tree_ends(seed, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / TREE).write_text(document(tree_of(seed)), encoding="utf-8")
     (tmp_path / OTHER).write_text(document(tree_of(seed + 1)), encoding="utf-8")
@@ -87,7 +87,7 @@ def test_every_analysis_of_a_tree_that_need_not_end_ends_by_itself(seed, capsys,
         status = (sar_journal if command == "why" else sar_compile)([command, *options])
         out, err = capsys.readouterr()
         assert status in (0, 1), f"{command}: {err}"
-        # The limit of time is for larger trees; it is processor time, so others on the machine do not count.
+        # The time limit is for larger trees. It is processor time, so other processes do not matter.
         assert "stopped after" not in out + err, command
         assert out or "no prediction is possible: " in err, command
         found = json.loads(out) if out and "json" in options else {}

@@ -1,4 +1,4 @@
-"""What the check passes can be looked at, whatever stands in an attribute that is nearly right."""
+"""Tests of nearly right attributes: a tree without errors can be previewed."""
 
 from xml.sax.saxutils import quoteattr
 
@@ -16,8 +16,8 @@ from tests.chance import TIMES, rounds
 from tests.fuzz.random_trees import REGISTRY, SPECS
 from tests.trees import class_of, document
 
-# A node that the installed py_trees is too old for is known, and refuses to be made.
-MADE = [spec for spec in SPECS if class_of(spec) is not None]
+# Nodes that the installed py_trees is too old for are registered, but cannot be constructed.
+CONSTRUCTIBLE = [spec for spec in SPECS if class_of(spec) is not None]
 NEAR_MISSES = [
     *("", " ", "0", "-0", "-1", "+5", "1", "2.5", "12abc", "0x10", "4294967295", "4294967296", "9" * 101),
     *("1e999", "inf", "nan", "true", "True", "yes", "a", "a b", "/a", "a/b", ".a", "a.b", "@", "@a", "@.a"),
@@ -29,7 +29,7 @@ NEAR_MISSES = [
 
 
 def fitting(parameter):
-    """Return a text that a parameter takes."""
+    """Return a valid text for a parameter."""
     if parameter.direction not in (None, Direction.INPUT):
         return "{k}"
     return parameter.value_type.example if parameter.value_type else "x"
@@ -46,7 +46,7 @@ def written(spec, attributes):
 
 
 def assert_sound(text):
-    """What is found has a place in the text; where no error is found, the tree can be looked at."""
+    """Assert that findings have locations in the text, and that a tree without errors can be previewed."""
     forest = Forest.from_file(parse_xml(text))
     findings = check(forest, REGISTRY)
     for finding in findings:
@@ -56,18 +56,18 @@ def assert_sound(text):
         preview_tree(bind_main(forest, REGISTRY))
 
 
-@pytest.mark.parametrize("tag", sorted({spec.tag for spec in MADE}))
-def test_one_attribute_that_is_nearly_right_is_a_finding_or_does_no_harm(tag):
+@pytest.mark.parametrize("tag", sorted({spec.tag for spec in CONSTRUCTIBLE}))
+def test_one_nearly_right_attribute_is_reported_or_harmless(tag):
     for spec in REGISTRY.variants(tag):
         for place, parameter in enumerate(spec.attributes, len(tag)):
-            # Every value is tried in a third of the attributes; in all of them where more is tried.
+            # By default each value is tried in a third of the attributes, in a longer run in all.
             for value in NEAR_MISSES if TIMES > 1 else NEAR_MISSES[place % 3 :: 3]:
                 assert_sound(written(spec, {**required(spec), parameter.name: value}))
 
 
 @st.composite
 def nearly_right(draw):
-    spec = draw(st.sampled_from(MADE))
+    spec = draw(st.sampled_from(CONSTRUCTIBLE))
     names = [parameter.name for parameter in spec.attributes if parameter.name != "name"]
     more = st.dictionaries(st.sampled_from(names), st.sampled_from(NEAR_MISSES)) if names else st.just({})
     return written(spec, {**required(spec), **draw(more)})
@@ -75,5 +75,5 @@ def nearly_right(draw):
 
 @settings(max_examples=rounds(125))
 @given(nearly_right())
-def test_several_attributes_that_are_nearly_right_are_findings_or_do_no_harm(text):
+def test_several_nearly_right_attributes_are_reported_or_harmless(text):
     assert_sound(text)

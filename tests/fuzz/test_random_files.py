@@ -1,4 +1,4 @@
-"""Whatever bytes a file has, reading and checking it ends, with findings in words."""
+"""Tests that reading and checking a file with any bytes ends with findings."""
 
 import random
 import re
@@ -37,11 +37,11 @@ WORDS = [
 ]  # fmt: skip
 VALUE = re.compile(rb"""(="|: )([^"\n]+)("|\n)""")
 CALLS = 3_000_000
-"""More calls than any of these files is worth."""
+"""More calls than any of these files needs."""
 
 
 def mutated(choice, data):
-    """Return a file that says something else, half of them in the values of attributes only."""
+    """Return a changed file. Half of the changes affect only values of attributes."""
     return _other_values(choice, data) if choice.random() < 0.5 else _other_bytes(choice, data)
 
 
@@ -72,7 +72,7 @@ def _other_bytes(choice, data):
 
 
 def answer(suffix, data):
-    """Read, check and preview a file; return the codes of what is wrong."""
+    """Read, check and preview a file; return the codes of its findings."""
     try:
         with at_most(CALLS):
             forest = Forest.from_file(PARSERS[suffix](data, f"random{suffix}"))
@@ -102,27 +102,27 @@ def answers(seed, count):
 
 @settings(max_examples=rounds(250))
 @given(st.sampled_from(sorted(PARSERS)), st.binary(max_size=200))
-def test_random_bytes_give_findings(suffix, data):
+def test_random_bytes_produce_findings(suffix, data):
     assert answer(suffix, data)
 
 
-def test_mutated_files_give_findings_or_trees():
+def test_mutated_files_produce_findings_or_trees():
     codes = list(answers(1, rounds(400)))
     assert [] in codes, "no mutation left a file whole, so compiling was not tried"
     assert len({code for each in codes for code in each}) > 15
 
 
 @pytest.mark.slow
-def test_a_hundred_thousand_mutated_files_give_findings_or_trees():
+def test_hundred_thousand_mutated_files_produce_findings_or_trees():
     assert sum(1 for _ in answers(2, 100_000)) == 100_000
 
 
-def test_work_beyond_a_bound_is_noticed():
+def test_work_above_bound_is_detected():
     with pytest.raises(TooMuchWorkError), at_most(100):
-        for_ever()
+        loop_forever()
 
 
-def for_ever():
+def loop_forever():
     while True:
         nothing()
 

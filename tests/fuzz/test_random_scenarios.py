@@ -1,4 +1,4 @@
-"""Whatever stands in a scenario, it is either played or explained."""
+"""Tests that a changed scenario either runs or has findings."""
 
 from pathlib import Path
 
@@ -44,8 +44,10 @@ def changed(draw: st.DrawFn) -> str:
     return text
 
 
-def understood(text: str, stage: ScenarioStage) -> tuple[ScenarioSimulation | None, tuple[Diagnostic, ...]]:
-    """Return what a scenario means, or what is wrong with it."""
+def load_or_findings(
+    text: str, stage: ScenarioStage
+) -> tuple[ScenarioSimulation | None, tuple[Diagnostic, ...]]:
+    """Return the loaded scenario, or its findings."""
     try:
         return load_scenario(parse_yaml(text, "scenario.yaml", "write something"), stage), ()
     except TreeError as error:
@@ -53,14 +55,14 @@ def understood(text: str, stage: ScenarioStage) -> tuple[ScenarioSimulation | No
 
 
 @given(changed())
-def test_a_changed_scenario_is_played_or_has_findings_with_places(stage, text):
-    play, findings = understood(text, stage)
+def test_changed_scenario_runs_or_has_located_findings(stage, text):
+    play, findings = load_or_findings(text, stage)
     lines = text.count("\n") + text.count("\r") + 1
     assert all(finding.render() and finding.span.line <= lines for finding in findings)
     if play is None:
         assert findings
         return
     run = ScenarioPlayer(play.simulated, play.scenario).run_to_end()
-    assert "Error:" not in run.trouble  # nothing but what the project raises itself
+    assert "Error:" not in run.trouble  # only errors that the project raises itself
     assert trace(run)
     assert isinstance(failures(run), list)

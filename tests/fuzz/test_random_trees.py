@@ -1,4 +1,4 @@
-"""Whatever a tree says, the project has an answer in words."""
+"""Tests that any random tree is compiled or reported."""
 
 from hypothesis import given, settings
 
@@ -12,7 +12,7 @@ from tests.chance import rounds
 from tests.fuzz.random_trees import REGISTRY, tree_texts
 
 
-def place_is_in_the_text(finding):
+def is_location_in_text(finding):
     span, text = finding.span, finding.source.text
     lines = text.split("\n")
     return (
@@ -22,8 +22,8 @@ def place_is_in_the_text(finding):
     )
 
 
-def tried(make):
-    """Return what is made, and the codes of what was found instead."""
+def result_or_codes(make):
+    """Return the result, or the codes of the findings that were raised."""
     try:
         return make(), []
     except TreeError as error:
@@ -32,9 +32,9 @@ def tried(make):
 
 @settings(max_examples=rounds(75))
 @given(tree_texts())
-def test_checking_gives_findings_in_order_each_once_at_a_place_in_the_text(text):
+def test_findings_are_ordered_unique_and_located_in_text(text):
     findings = check(Forest.from_file(parse_xml(text)), REGISTRY)
-    assert all(place_is_in_the_text(finding) and finding.message for finding in findings)
+    assert all(is_location_in_text(finding) and finding.message for finding in findings)
     assert "internal-error" not in {finding.code for finding in findings}
     assert len(set(findings)) == len(findings)
     assert [f.span.line for f in findings] == sorted(f.span.line for f in findings)
@@ -42,7 +42,7 @@ def test_checking_gives_findings_in_order_each_once_at_a_place_in_the_text(text)
 
 @settings(max_examples=rounds(75))
 @given(tree_texts())
-def test_what_the_check_passes_can_be_looked_at(text):
+def test_tree_without_findings_can_be_previewed(text):
     forest = Forest.from_file(parse_xml(text))
     if check(forest, REGISTRY):
         return
@@ -52,10 +52,10 @@ def test_what_the_check_passes_can_be_looked_at(text):
 
 @settings(max_examples=rounds(75))
 @given(tree_texts())
-def test_compiling_for_a_mission_raises_nothing_but_what_is_said_in_words(text):
+def test_compiling_raises_only_tree_errors(text):
     forest = Forest.from_file(parse_xml(text))
 
-    def flown():
+    def compile_for_run():
         binding = bind_main(forest, REGISTRY)
         context = {
             parameter.target: preview_of(parameter.target)
@@ -65,5 +65,5 @@ def test_compiling_for_a_mission_raises_nothing_but_what_is_said_in_words(text):
         }
         return compile_tree(binding, context, {"a": 1, "c": "x"})
 
-    tree, codes = tried(flown)
+    tree, codes = result_or_codes(compile_for_run)
     assert (tree is None) == bool(codes)

@@ -1,4 +1,4 @@
-"""Whatever is wrong with a tree, every rule has its say, and every command that looks at it an answer in words."""
+"""Tests of invalid trees: no rule crashes, and every command ends with output."""
 
 import contextlib
 import io
@@ -19,7 +19,7 @@ from tests.chance import rounds
 from tests.fuzz.random_trees import PARENTS, REGISTRY, tree_texts, wrong_tree_texts
 from tests.fuzz.test_near_misses import required
 
-LOOKS = [
+COMMANDS = [
     *(f"validate a.xml b.xml --format {form}" for form in ("text", "json", "sarif", "github")),
     *(f"show a.xml --format {form}" for form in ("unicode", "ascii", "json", "svg", "mermaid", "dot")),
     *(f"convert a.xml --to {form}" for form in ("xml", "yaml", "btcpp")),
@@ -32,7 +32,7 @@ CHILDREN = ["<AlwaysSuccess/>", "<AlwaysFailure/>", "<Running/>", "<TestA/>"]
 
 
 def answer(command, texts):
-    """Return the status of a command that looks at two files, and all that it prints."""
+    """Return the status and the output of a command on two files."""
     output = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder, "a.xml"), Path(folder, "b.xml")]
@@ -45,7 +45,7 @@ def answer(command, texts):
 
 
 def trees_of(tag):
-    """Return a file with a tree for each choice of up to three children, known and unknown, of a node."""
+    """Return a file with a tree for each combination of up to three known and unknown children of a node."""
     lists = (each for count in range(4) for each in itertools.product(CHILDREN, repeat=count))
     attributes = "".join(
         f" {name}={quoteattr(text)}" for name, text in required(REGISTRY.variants(tag)[0]).items()
@@ -56,21 +56,21 @@ def trees_of(tag):
 
 
 @pytest.mark.parametrize("tag", sorted({spec.tag for spec in PARENTS}))
-def test_no_rule_fails_where_some_of_the_children_are_unknown_or_none_are_there(tag):
+def test_no_rule_crashes_on_unknown_or_missing_children(tag):
     findings = check(Forest.from_file(parse_xml(trees_of(tag))), REGISTRY)
     assert [each.message for each in findings if each.code == "internal-error"] == []
 
 
 @settings(max_examples=rounds(75))
 @given(wrong_tree_texts())
-def test_no_rule_fails_on_a_tree_that_is_wrong(text):
+def test_no_rule_crashes_on_invalid_tree(text):
     findings = check(Forest.from_file(parse_xml(text)), REGISTRY)
     assert [each.message for each in findings if each.code == "internal-error"] == []
     assert all(each.render() for each in findings)
 
 
-@pytest.mark.parametrize("command", LOOKS)
-def test_every_look_at_a_tree_that_is_wrong_ends_in_words(command):
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_on_invalid_tree_ends_with_status_and_output(command):
     @settings(max_examples=rounds(10))
     @given(st.tuples(wrong_tree_texts(), wrong_tree_texts() | tree_texts()))
     def looks(texts):

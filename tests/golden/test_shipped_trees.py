@@ -1,4 +1,4 @@
-"""Every shipped tree compiles to what was reviewed and committed (`make golden` renews the files)."""
+"""Tests that every shipped tree compiles to its reviewed golden files. `make golden` renews them."""
 
 from pathlib import Path
 
@@ -12,15 +12,15 @@ SHIPPED = sorted(Path("trees").glob("*.xml"))
 
 @pytest.mark.parametrize("tree", SHIPPED, ids=lambda path: path.stem)
 @pytest.mark.parametrize("suffix", [".json", ".txt"])
-def test_a_shipped_tree_compiles_as_reviewed(tree, suffix):
+def test_shipped_tree_compiles_as_reviewed(tree, suffix):
     assert_matches_golden(tree, GOLDEN / f"{tree.stem}{suffix}")
 
 
-def test_there_is_no_golden_file_without_its_tree():
+def test_golden_files_match_shipped_trees():
     assert {path.stem for path in GOLDEN.glob("*.json")} == {tree.stem for tree in SHIPPED}
 
 
-def test_a_change_of_a_tree_is_shown_as_a_difference(tmp_path, monkeypatch):
+def test_changed_tree_is_reported_with_a_difference(tmp_path, monkeypatch):
     monkeypatch.delenv(RENEW, raising=False)
     changed = tmp_path / "changed.xml"
     text = Path("trees/search_and_rescue.xml").read_text(encoding="utf-8")
@@ -29,13 +29,13 @@ def test_a_change_of_a_tree_is_shown_as_a_difference(tmp_path, monkeypatch):
         assert_matches_golden(changed, GOLDEN / "search_and_rescue.txt")
 
 
-def test_a_missing_golden_file_says_how_to_write_it(tmp_path, monkeypatch):
+def test_missing_golden_file_names_how_to_write_it(tmp_path, monkeypatch):
     monkeypatch.delenv(RENEW, raising=False)
     with pytest.raises(AssertionError, match=RENEW):
         assert_matches_golden("trees/search_and_rescue.xml", tmp_path / "new.json")
 
 
-def test_a_renewed_file_is_what_the_tree_is_compared_with(tmp_path, monkeypatch):
+def test_tree_is_compared_with_renewed_file(tmp_path, monkeypatch):
     golden = tmp_path / "sub" / "new.json"
     monkeypatch.setenv(RENEW, "1")
     assert_matches_golden("trees/search_and_rescue.xml", golden)

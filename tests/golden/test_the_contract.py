@@ -1,4 +1,4 @@
-"""The tree of the contract, held here in words: golden files follow a changed tree when they are renewed."""
+"""Tests that the shipped mission is the tree of the contract. It is written out here because golden files can be renewed."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 from sar_compiler.compiler.outline import outline
 from sar_compiler.testing import compile_for_test
 
-# What a node is, its name, and its memory or policy; indented by its depth.
+# The class of each node, its name, and its memory flag or policy, indented by depth.
 CONTRACT = """\
 Selector MissionOrReturnToBase False
   Sequence Patrol True
@@ -27,7 +27,7 @@ Selector MissionOrReturnToBase False
 
 
 def lines(node, depth=0):
-    """Yield a compiled node and those below it, a line each."""
+    """Yield a line for a compiled node and for each of its descendants."""
     flags = [str(node[key]) for key in ("memory", "policy") if key in node]
     yield "  " * depth + " ".join([node["class"].rpartition(".")[2], node["name"], *flags])
     for child in node["children"]:
@@ -35,12 +35,12 @@ def lines(node, depth=0):
 
 
 @pytest.mark.parametrize("form", [".xml", ".yaml"])
-def test_the_shipped_mission_is_the_tree_of_the_contract(form):
+def test_shipped_mission_matches_the_contract(form):
     drawn = lines(outline(compile_for_test(Path("trees/search_and_rescue").with_suffix(form))))
     assert "".join(f"{line}\n" for line in drawn) == CONTRACT
 
 
-def test_its_golden_file_is_the_tree_of_the_contract():
+def test_golden_file_matches_the_contract():
     golden = Path("tests/golden/search_and_rescue.txt").read_text(encoding="utf-8").splitlines()
     names = [line.split()[1] for line in CONTRACT.splitlines()]
     assert [line.split()[-1] for line in golden] == names

@@ -1,4 +1,4 @@
-"""An editor for tests: a client of the server that is started as editors start it, by standard input and output."""
+"""An editor for tests: a client that starts the language server and talks to it over standard input and output."""
 
 import asyncio
 import threading
@@ -11,12 +11,12 @@ from tests.waiting import SILENCE_SEC, News
 
 
 class Editor:
-    """An editor with files in it.
+    """An editor with open files.
 
     Attributes:
-        published: What was published so far, in its order.
-        logged: What was logged so far.
-        messages: What was shown so far.
+        published: The diagnostics that the server has published, in order.
+        logged: The log messages so far.
+        messages: The shown messages so far.
     """
 
     def __init__(self, *options, folder=None):
@@ -49,15 +49,15 @@ class Editor:
         return keep
 
     def ask(self, question):
-        """Return the answer to a question."""
+        """Return the response to a request."""
         return asyncio.run_coroutine_threadsafe(question, self._loop).result(SILENCE_SEC)
 
     def say(self, notify, params):
-        """Say something that has no answer."""
+        """Send a notification."""
         self._loop.call_soon_threadsafe(notify, params)
 
     def close(self):
-        """End the session, and the server with it."""
+        """End the session and the server."""
         self.ask(self.client.shutdown_async(None))
         self.say(self.client.exit, None)
         self.ask(self.client.stop())
@@ -65,19 +65,19 @@ class Editor:
         self._thread.join()
 
     def open(self, path, text=None):
-        """Open a file, and return what is published when it is checked."""
+        """Open a file, and return what the server publishes after the check."""
         written = path.read_text(encoding="utf-8") if text is None else text
         item = lsp.TextDocumentItem(path.as_uri(), "xml", 1, written)
         self.say(self.client.text_document_did_open, lsp.DidOpenTextDocumentParams(item))
         return self.wait_for(path, 1)[0]
 
     def close_file(self, path):
-        """Close a file; nothing is waited for."""
+        """Close a file without waiting."""
         whose = lsp.TextDocumentIdentifier(path.as_uri())
         self.say(self.client.text_document_did_close, lsp.DidCloseTextDocumentParams(whose))
 
     def change(self, path, version, *changes):
-        """Change a text by pieces, each as what is before, what goes, and what comes; return all that is published for it."""
+        """Change parts of a text, each given as start, end and new text; return all that the server publishes."""
         pieces = [
             lsp.TextDocumentContentChangePartial(lsp.Range(lsp.Position(*start), lsp.Position(*end)), text)
             for start, end, text in changes
@@ -87,19 +87,19 @@ class Editor:
         return self.wait_for(path, version, times=2)
 
     def replace(self, path, version, text):
-        """Change the whole text, and return all that is published for it: what moved, and what was found."""
+        """Replace the whole text; return what the server publishes: the moved findings, then those of the check."""
         whose = lsp.VersionedTextDocumentIdentifier(version=version, uri=path.as_uri())
         whole = [lsp.TextDocumentContentChangeWholeDocument(text)]
         self.say(self.client.text_document_did_change, lsp.DidChangeTextDocumentParams(whose, whole))
         return self.wait_for(path, version, times=2)
 
     def save(self, path):
-        """Say that a file is saved."""
+        """Report that a file was saved."""
         whose = lsp.TextDocumentIdentifier(path.as_uri())
         self.say(self.client.text_document_did_save, lsp.DidSaveTextDocumentParams(whose))
 
     def wait_for(self, path, version, times=1):
-        """Return what is published for a version of a file, when it has been published so often."""
+        """Wait until the server has published so many results for a version of a file; return them."""
 
         def found():
             mine = [each for each in self.published if (each.uri, each.version) == (path.as_uri(), version)]
@@ -110,6 +110,6 @@ class Editor:
             return self._news.wait_until(found, lambda: complaint)
 
     def wait_until(self, wanted, complaint):
-        """Wait until something is so of what was published or logged."""
+        """Wait until a condition on the received messages holds."""
         with self._news:
             return self._news.wait_until(wanted, lambda: complaint)

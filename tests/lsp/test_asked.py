@@ -1,4 +1,4 @@
-"""What an editor is answered: completion, hovering, names, fixes, lenses."""
+"""Tests of the language server's responses: completion, hover, rename, fixes, lenses."""
 
 import pytest
 from lsprotocol import types as lsp
@@ -32,12 +32,12 @@ def files(editor, tmp_path):
     return main, library
 
 
-def whose(path):
+def document_id(path):
     return lsp.TextDocumentIdentifier(path.as_uri())
 
 
 def at(path, word, after=0):
-    """Return the place of a word in a file that is as it is written."""
+    """Return the position of a word in a file."""
     text = path.read_text(encoding="utf-8")
     before = text[: text.index(word) + after]
     return lsp.Position(before.count("\n"), len(before) - before.rfind("\n") - 1)
@@ -45,13 +45,13 @@ def at(path, word, after=0):
 
 def offered(editor, path, place):
     answer = editor.ask(
-        editor.client.text_document_completion_async(lsp.CompletionParams(whose(path), place))
+        editor.client.text_document_completion_async(lsp.CompletionParams(document_id(path), place))
     )
     return {each.label for each in answer}
 
 
 def offered_in(editor, path, before, behind=""):
-    """Return what is offered behind a text that is not complete."""
+    """Return the completions after an incomplete text."""
     editor.open(path, before + behind)
     lines = before.split("\n")
     return offered(editor, path, lsp.Position(len(lines) - 1, len(lines[-1])))
@@ -60,7 +60,7 @@ def offered_in(editor, path, before, behind=""):
 HEAD = '<root BTCPP_format="4">\n<BehaviorTree ID="Main">\n'
 
 
-def test_nodes_of_a_palette_around_the_file_are_offered_with_their_ports(editor, tmp_path):
+def test_completion_offers_nodes_and_ports_of_nearby_palette(editor, tmp_path):
     model = '<Action ID="Wave"><input_port name="hand"/></Action>'
     (tmp_path / ".git").mkdir()
     (tmp_path / "trees").mkdir()
@@ -83,7 +83,7 @@ def test_nodes_of_a_palette_around_the_file_are_offered_with_their_ports(editor,
         ("<Sleep/> ", set(), {"msec", "Sleep"}),
     ],
 )
-def test_what_can_be_written_is_offered_in_xml(typed, wanted, others, editor, tmp_path):
+def test_completion_offers_valid_items_in_xml(typed, wanted, others, editor, tmp_path):
     found = offered_in(editor, tmp_path / "tree.xml", HEAD + typed, "\n</BehaviorTree>\n</root>\n")
     assert wanted - found == set()
     assert others & found == set()
@@ -102,53 +102,58 @@ YAML = "root:\n  children:\n  - BehaviorTree:\n      ID: Main\n      children:\n
         ("      - Parallel: {policy: ", {"SuccessOnAll"}, {"msec"}),
     ],
 )
-def test_what_can_be_written_is_offered_in_yaml(typed, wanted, others, editor, tmp_path):
+def test_completion_offers_valid_items_in_yaml(typed, wanted, others, editor, tmp_path):
     found = offered_in(editor, tmp_path / "tree.yaml", YAML + typed)
     assert wanted - found == set()
     assert others & found == set()
 
 
-def test_trees_of_included_files_and_keys_are_offered(editor, files):
+def test_completion_offers_trees_of_included_files_and_keys(editor, files):
     main, _ = files
     assert {"Part", "Main"} <= offered(editor, main, at(main, 'ID="Part"', 4))
     assert "found" in offered(editor, main, at(main, "{found}", 1))
 
 
-def test_hovering_tells_the_ports_and_the_answers_of_a_node(editor, files):
+def test_hover_shows_ports_and_outcomes_of_node(editor, files):
     main, _ = files
     answer = editor.ask(
-        editor.client.text_document_hover_async(lsp.HoverParams(whose(main), at(main, "Sleep")))
+        editor.client.text_document_hover_async(lsp.HoverParams(document_id(main), at(main, "Sleep")))
     )
     assert "msec: input" in answer.contents.value
     assert "outcomes: RUNNING, SUCCESS" in answer.contents.value
 
 
-def spots(answer, *paths):
+def locations(answer, *paths):
     names = {path.as_uri(): path.stem for path in paths}
     return sorted((names[each.uri], each.range.start.line, each.range.start.character) for each in answer)
 
 
 def defined(editor, path, place):
-    return editor.ask(editor.client.text_document_definition_async(lsp.DefinitionParams(whose(path), place)))
+    return editor.ask(
+        editor.client.text_document_definition_async(lsp.DefinitionParams(document_id(path), place))
+    )
 
 
 def used(editor, path, place):
     context = lsp.ReferenceContext(include_declaration=True)
-    question = lsp.ReferenceParams(context, whose(path), place)
+    question = lsp.ReferenceParams(context, document_id(path), place)
     return editor.ask(editor.client.text_document_references_async(question))
 
 
-def test_a_subtree_leads_to_its_tree_in_an_included_file(editor, files):
+def test_subtree_leads_to_its_tree_in_included_file(editor, files):
     main, library = files
-    assert spots(defined(editor, main, at(main, 'ID="Part"', 5)), main, library) == [("lib", 1, 18)]
-    assert spots(used(editor, main, at(main, "SubTree")), main, library) == [("lib", 1, 18), ("main", 4, 13)]
+    assert locations(defined(editor, main, at(main, 'ID="Part"', 5)), main, library) == [("lib", 1, 18)]
+    assert locations(used(editor, main, at(main, "SubTree")), main, library) == [
+        ("lib", 1, 18),
+        ("main", 4, 13),
+    ]
 
 
-def test_a_key_leads_to_its_writers_and_is_found_where_it_is_read(editor, files):
+def test_key_leads_to_its_writers_and_readers(editor, files):
     main, library = files
     place = at(main, 'msec="{found}', 8)
-    assert spots(defined(editor, main, place), main, library) == [("main", 5, 37)]
-    assert spots(used(editor, main, place), main, library) == [
+    assert locations(defined(editor, main, place), main, library) == [("main", 5, 37)]
+    assert locations(used(editor, main, place), main, library) == [
         ("main", 4, 24),
         ("main", 5, 37),
         ("main", 6, 14),
@@ -156,8 +161,10 @@ def test_a_key_leads_to_its_writers_and_is_found_where_it_is_read(editor, files)
 
 
 def renamed(editor, path, place, name):
-    """Return the texts of files after a name has been changed."""
-    answer = editor.ask(editor.client.text_document_rename_async(lsp.RenameParams(whose(path), place, name)))
+    """Return the texts of the files after a rename."""
+    answer = editor.ask(
+        editor.client.text_document_rename_async(lsp.RenameParams(document_id(path), place, name))
+    )
     texts = {}
     for each in path.parent.glob("*.xml"):
         lines = each.read_text(encoding="utf-8").split("\n")
@@ -170,20 +177,20 @@ def renamed(editor, path, place, name):
     return texts
 
 
-def test_a_tree_is_renamed_in_all_files(editor, files):
+def test_tree_is_renamed_in_all_files(editor, files):
     main, library = files
     texts = renamed(editor, main, at(main, 'ID="Part"', 5), "Piece")
     assert texts["main"] == main.read_text(encoding="utf-8").replace('"Part"', '"Piece"')
     assert texts["lib"] == library.read_text(encoding="utf-8").replace('"Part"', '"Piece"')
 
 
-def test_a_key_is_renamed_where_it_is_written_read_and_remapped(editor, files):
+def test_key_is_renamed_in_writers_readers_and_remappings(editor, files):
     main, _ = files
     texts = renamed(editor, main, at(main, "{found}", 2), "seen")
     assert texts["main"] == main.read_text(encoding="utf-8").replace("found", "seen")
 
 
-def test_a_key_within_the_yaml_of_a_leaf_is_renamed_and_no_field_of_its_name(editor, tmp_path):
+def test_key_in_yaml_of_leaf_is_renamed_but_not_field_of_same_name(editor, tmp_path):
     main = tmp_path / "main.xml"
     (tmp_path / "sar.toml").write_text('models = ["ros:jazzy"]\n', encoding="utf-8")
     topic = '<RosTopic topic="a" type="geometry_msgs/msg/Point" fields="x: {x}, y: { y }"/>'
@@ -198,7 +205,7 @@ def test_a_key_within_the_yaml_of_a_leaf_is_renamed_and_no_field_of_its_name(edi
     )
 
 
-def test_a_port_of_a_subtree_is_renamed_where_the_tree_is_used(editor, files):
+def test_subtree_port_is_renamed_in_uses_of_the_tree(editor, files):
     main, library = files
     editor.open(library)
     texts = renamed(editor, library, at(library, "{in}", 2), "way")
@@ -207,12 +214,12 @@ def test_a_port_of_a_subtree_is_renamed_where_the_tree_is_used(editor, files):
 
 
 def name_to_change(editor, path, place):
-    """Return the name that the editor lets people change, and where it stands; None if there is none."""
-    question = lsp.PrepareRenameParams(whose(path), place)
+    """Return the name that can be changed, and its range; None if there is none."""
+    question = lsp.PrepareRenameParams(document_id(path), place)
     return editor.ask(editor.client.text_document_prepare_rename_async(question))
 
 
-def test_the_name_alone_is_offered_for_renaming(editor, files):
+def test_only_the_name_is_offered_for_renaming(editor, files):
     main, _ = files
     place = at(main, 'ID="Part"', 5)
     offered = name_to_change(editor, main, place)
@@ -221,12 +228,12 @@ def test_the_name_alone_is_offered_for_renaming(editor, files):
     assert offered.range == lsp.Range(start, lsp.Position(place.line, start.character + len("Part")))
 
 
-def test_a_tag_has_no_name_to_change(editor, files):
+def test_tag_cannot_be_renamed(editor, files):
     main, _ = files
     assert name_to_change(editor, main, at(main, "<SubTree", 2)) is None
 
 
-def test_a_key_that_others_share_is_not_offered_for_renaming(editor, tmp_path):
+def test_shared_root_key_is_not_offered_for_renaming(editor, tmp_path):
     path = tmp_path / "tree.xml"
     write(path, '<BehaviorTree ID="Main">', '<Script code="@k := 1; @k = 2"/>', "</BehaviorTree>")
     editor.open(path)
@@ -236,7 +243,7 @@ def test_a_key_that_others_share_is_not_offered_for_renaming(editor, tmp_path):
         name_to_change(editor, path, at(path, "@k", 1))
 
 
-def test_a_key_that_others_share_is_not_renamed(editor, tmp_path):
+def test_shared_root_key_is_not_renamed(editor, tmp_path):
     path = tmp_path / "tree.xml"
     write(path, '<BehaviorTree ID="Main">', '<Script code="@k := 1; @k = 2"/>', "</BehaviorTree>")
     editor.open(path)
@@ -255,7 +262,7 @@ def test_a_key_that_others_share_is_not_renamed(editor, tmp_path):
         ('ID="Part"', 5, "a part", "is not a valid name"),
     ],
 )
-def test_a_name_that_would_mean_something_else_is_refused(word, after, name, why, editor, files):
+def test_invalid_or_existing_name_is_refused(word, after, name, why, editor, files):
     main, _ = files
     text = main.read_text(encoding="utf-8")
     other = '<SetBlackboard value="1" output_key="other"/>\n</Sequence>'
@@ -265,21 +272,21 @@ def test_a_name_that_would_mean_something_else_is_refused(word, after, name, why
         renamed(editor, main, at(main, word, after), name)
 
 
-def test_a_finding_comes_with_the_fix_that_it_suggests(editor, files):
+def test_finding_offers_its_suggested_fix(editor, files):
     main, _ = files
     place = at(main, "memroy")
     context = lsp.CodeActionContext([])
-    question = lsp.CodeActionParams(whose(main), lsp.Range(place, place), context)
+    question = lsp.CodeActionParams(document_id(main), lsp.Range(place, place), context)
     answer = editor.ask(editor.client.text_document_code_action_async(question))
     fixes = [each for each in answer if each.edit]
     written = {each.title: each.edit.changes[main.as_uri()][0].new_text for each in fixes}
     assert written == {"Replace by memory": "memory", "Apply all safe fixes": "memory"}
 
 
-def test_an_operation_on_a_node_is_offered_and_its_edit_follows_when_it_is_chosen(editor, files):
+def test_refactoring_is_offered_and_its_edit_is_resolved_on_choice(editor, files):
     main, _ = files
     place = at(main, "Sequence")
-    question = lsp.CodeActionParams(whose(main), lsp.Range(place, place), lsp.CodeActionContext([]))
+    question = lsp.CodeActionParams(document_id(main), lsp.Range(place, place), lsp.CodeActionContext([]))
     offered = {
         each.title: each for each in editor.ask(editor.client.text_document_code_action_async(question))
     }
@@ -289,14 +296,14 @@ def test_an_operation_on_a_node_is_offered_and_its_edit_follows_when_it_is_chose
     assert '<BehaviorTree ID="Sequence">' in written
 
 
-def test_the_fix_of_a_tag_is_that_of_its_end_tag_as_well(editor, files):
+def test_fix_of_tag_also_replaces_its_end_tag(editor, files):
     main, _ = files
     right = main.read_text(encoding="utf-8")
     wrong = right.replace("Sequence", "Sequnce")
     main.write_text(wrong, encoding="utf-8")
     editor.open(main)
     place = at(main, "<Sequnce", 1)
-    question = lsp.CodeActionParams(whose(main), lsp.Range(place, place), lsp.CodeActionContext([]))
+    question = lsp.CodeActionParams(document_id(main), lsp.Range(place, place), lsp.CodeActionContext([]))
     answer = editor.ask(editor.client.text_document_code_action_async(question))
     (edit,) = next(each for each in answer if each.title == "Replace by Sequence").edit.changes[main.as_uri()]
     lines = wrong.splitlines(keepends=True)
@@ -306,17 +313,17 @@ def test_the_fix_of_a_tag_is_that_of_its_end_tag_as_well(editor, files):
     assert f"{wrong[:start]}{edit.new_text}{wrong[end:]}" == right
 
 
-def test_a_file_is_written_in_its_canonical_form(editor, files):
+def test_formatting_writes_canonical_form(editor, files):
     main, _ = files
     options = lsp.FormattingOptions(tab_size=2, insert_spaces=True)
-    question = lsp.DocumentFormattingParams(whose(main), options)
+    question = lsp.DocumentFormattingParams(document_id(main), options)
     (edit,) = editor.ask(editor.client.text_document_formatting_async(question))
     assert '\n    <Sequence memroy="true">\n' in edit.new_text
 
 
-def test_the_trees_of_a_file_are_its_symbols(editor, files):
+def test_document_symbols_are_trees_and_nodes(editor, files):
     main, _ = files
-    question = lsp.DocumentSymbolParams(whose(main))
+    question = lsp.DocumentSymbolParams(document_id(main))
     (tree,) = editor.ask(editor.client.text_document_document_symbol_async(question))
     assert (tree.name, [each.name for each in tree.children[0].children]) == (
         "Main",
@@ -324,11 +331,11 @@ def test_the_trees_of_a_file_are_its_symbols(editor, files):
     )
 
 
-def test_the_lenses_of_a_tree_verify_and_simulate_it_as_it_is_typed(editor, tmp_path):
+def test_lenses_verify_and_simulate_unsaved_tree(editor, tmp_path):
     path = tmp_path / "tree.xml"
     write(path, '<BehaviorTree ID="Main">', "<Failure/>", "</BehaviorTree>", main="Main")
     editor.open(path, path.read_text(encoding="utf-8").replace("Failure", "Success"))
-    lenses = editor.ask(editor.client.text_document_code_lens_async(lsp.CodeLensParams(whose(path))))
+    lenses = editor.ask(editor.client.text_document_code_lens_async(lsp.CodeLensParams(document_id(path))))
     assert [each.command.title for each in lenses] == ["verify", "simulate"]
     for each in lenses:
         question = lsp.ExecuteCommandParams(each.command.command, each.command.arguments)
@@ -337,13 +344,13 @@ def test_the_lenses_of_a_tree_verify_and_simulate_it_as_it_is_typed(editor, tmp_
     assert "root SUCCESS" in editor.logged[-1].message
 
 
-def test_a_lens_is_about_the_tree_that_it_stands_above(editor, tmp_path):
+def test_lens_applies_to_the_tree_below_it(editor, tmp_path):
     path = tmp_path / "tree.xml"
     trees = ('<BehaviorTree ID="Main">', "<Success/>", "</BehaviorTree>")
     other = ('<BehaviorTree ID="Other">', "<Failure/>", "</BehaviorTree>")
     write(path, *trees, *other)
     editor.open(path)
-    lenses = editor.ask(editor.client.text_document_code_lens_async(lsp.CodeLensParams(whose(path))))
+    lenses = editor.ask(editor.client.text_document_code_lens_async(lsp.CodeLensParams(document_id(path))))
     (chosen,) = (
         each.command
         for each in lenses

@@ -1,4 +1,4 @@
-"""While something is half typed, what was found elsewhere stays, and goes where its text goes."""
+"""Tests of findings while a text is incomplete: findings elsewhere stay and move with their text."""
 
 from pathlib import Path
 
@@ -23,14 +23,14 @@ TAGS = [
 ]
 ELSEWHERE = [("unknown-attribute", "memroy"), ("wrong-value", "5 x")]
 OF_THE_WHOLE = [("unused-tree", "Idle")]
-"""What a rule concludes from the whole file, where there is no error."""
+"""A finding that a rule derives from the whole file, if there is no error."""
 
 YAML_BEFORE = "root:\n  children:\n  - BehaviorTree:\n      ID: Main\n      children:\n      - Sequence:\n          memroy: true\n          children:\n"
 YAML_BEHIND = "          - Sleep: {msec: 5 x}\n          - Success\n"
 
 
 def text_at(text, place):
-    """Return what stands at a range of a text."""
+    """Return the text at a range."""
     line = text.split("\n")[place.start.line]
     return line[place.start.character : place.end.character]
 
@@ -40,7 +40,7 @@ def shown(published, text):
 
 
 def typed(editor, path, before, tag, behind):
-    """Type something character by character; yield each text with all that is published for it."""
+    """Type a tag character by character; yield each text with all that the server publishes for it."""
     editor.open(path, before + behind)
     for count in range(1, len(tag) + 1):
         start = before + tag[: count - 1]
@@ -51,7 +51,7 @@ def typed(editor, path, before, tag, behind):
 
 @pytest.mark.parametrize("tag", TAGS)
 @pytest.mark.parametrize("wanted", [ELSEWHERE, OF_THE_WHOLE], ids=["errors", "conclusions"])
-def test_no_finding_elsewhere_vanishes_while_a_tag_is_typed(tag, wanted, editor, tmp_path):
+def test_findings_elsewhere_stay_while_tag_is_typed(tag, wanted, editor, tmp_path):
     before, behind = BEFORE, BEHIND
     if wanted is OF_THE_WHOLE:
         before, behind = before.replace("memroy", "memory"), behind.replace("5 x", "5")
@@ -60,7 +60,7 @@ def test_no_finding_elsewhere_vanishes_while_a_tag_is_typed(tag, wanted, editor,
             assert [found for found in wanted if found not in shown(each, text)] == [], text
 
 
-def test_no_finding_elsewhere_vanishes_while_a_node_is_typed_in_yaml(editor, tmp_path):
+def test_findings_elsewhere_stay_while_node_is_typed_in_yaml(editor, tmp_path):
     path = tmp_path / "tree.yaml"
     for text, published in typed(
         editor, path, YAML_BEFORE, '          - Timeout: {msec: "3s"\n', YAML_BEHIND
@@ -71,12 +71,12 @@ def test_no_finding_elsewhere_vanishes_while_a_node_is_typed_in_yaml(editor, tmp
             assert ("wrong-value", "5 x") in found, text
 
 
-def test_when_the_tag_is_complete_only_what_is_so_is_shown(editor, tmp_path):
+def test_only_current_findings_are_shown_after_tag_is_complete(editor, tmp_path):
     *_, (text, (*_, checked)) = typed(editor, tmp_path / "tree.xml", BEFORE, '<Sleep msec="10"/>', BEHIND)
     assert sorted(shown(checked, text)) == sorted(ELSEWHERE)
 
 
-def test_what_is_mended_while_a_tag_is_half_typed_is_no_longer_shown(editor, tmp_path):
+def test_fixed_finding_disappears_while_tag_is_incomplete(editor, tmp_path):
     path = tmp_path / "tree.xml"
     editor.open(path, BEFORE + BEHIND)
     editor.change(path, 2, ((3, 0), (3, 0), "<Sle"))
@@ -90,7 +90,7 @@ def test_what_is_mended_while_a_tag_is_half_typed_is_no_longer_shown(editor, tmp
 UNWRITTEN = '<ScriptCondition code="nobody_writes == 1"/>\n</Sequence>\n</BehaviorTree>\n</root>\n'
 
 
-def test_an_unknown_tag_silences_nothing_until_something_else_is_typed_or_the_file_is_saved(editor, tmp_path):
+def test_unknown_tag_hides_findings_only_after_edit_elsewhere_or_save(editor, tmp_path):
     path, before = tmp_path / "tree.xml", BEFORE.replace("memroy", "memory") + "<Failure/>\n"
     unknown, silenced = ("unknown-node", "<Sle"), ("unwritten-key", "nobody_writes")
     assert silenced in shown(editor.open(path, before + UNWRITTEN), before + UNWRITTEN)
@@ -104,7 +104,7 @@ def test_an_unknown_tag_silences_nothing_until_something_else_is_typed_or_the_fi
     editor.change(path, 5, ((4, 0), (4, 0), "<Sle/>"))
 
     def last():
-        # What is published of another file, late, may come in between.
+        # Late results for another file may come in between.
         return next(each for each in reversed(editor.published) if each.uri == path.as_uri())
 
     assert silenced in shown(last(), text)
@@ -113,7 +113,7 @@ def test_an_unknown_tag_silences_nothing_until_something_else_is_typed_or_the_fi
 
 
 @given(st.text("ab\n", max_size=20), st.text("ab\n", max_size=20))
-def test_the_edit_between_two_texts_makes_one_of_the_other(old, new):
+def test_edit_between_two_texts_converts_one_to_the_other(old, new):
     edit = edit_between(old, new)
     came = new[edit.start : edit.start + edit.length]
     assert old[: edit.start] + came + old[edit.end :] == new
@@ -125,7 +125,7 @@ STRETCH = st.tuples(st.integers(0, 30), st.integers(0, 30)).map(sorted)
 
 
 @given(STRETCH, STRETCH, st.text("xyz", max_size=5))
-def test_a_finding_goes_where_its_text_goes_and_is_touched_by_what_is_typed_into_it(place, edited, came):
+def test_finding_moves_with_its_text_and_is_touched_by_edits_in_it(place, edited, came):
     text = "".join(map(chr, range(ord("A"), ord("A") + 30)))
     (start, end), (first, last) = place, edited
     after = text[:first] + came + text[last:]
@@ -136,7 +136,7 @@ def test_a_finding_goes_where_its_text_goes_and_is_touched_by_what_is_typed_into
         assert after[moved.start : moved.end] == text[start:end]
 
 
-def test_what_ticks_have_raised_stays_over_a_check_until_its_own_text_is_edited():
+def test_tick_error_stays_after_check_until_its_text_is_edited():
     path, text = Path("tree.xml"), "<A/>\n<B/>\n"
     opened = OpenText(path, text, 1)
     raised = [

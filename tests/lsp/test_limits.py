@@ -1,4 +1,4 @@
-"""A check that takes too long is left behind, and a request that the editor cancels ends with all that it has started."""
+"""Tests of the server's limits: a slow check is aborted, and a cancelled request ends with its processes."""
 
 import asyncio
 
@@ -28,7 +28,7 @@ ENDLESS = [
 
 
 @pytest.fixture(scope="module")
-def hurried():
+def editor_with_short_limit():
     editor = Editor("--max-seconds", "0.5")
     yield editor
     editor.close()
@@ -41,7 +41,7 @@ def wait_until(wanted, complaint):
 
 
 def cancelled(editor, method, params, begun=lambda: True):
-    """Return what a request raises that is cancelled once something has begun."""
+    """Cancel a request after it has begun; return the exception that it raises."""
 
     async def ask():
         return editor.client.protocol.send_request(method, params, msg_id="to cancel")
@@ -58,18 +58,20 @@ def cancelled(editor, method, params, begun=lambda: True):
     return raised.value
 
 
-def test_a_check_that_takes_longer_than_it_may_is_reported_and_the_next_file_is_checked(hurried, tmp_path):
+def test_check_over_time_limit_is_reported_and_next_file_is_checked(editor_with_short_limit, tmp_path):
     wide, small = tmp_path / "wide.xml", tmp_path / "small.xml"
     write(wide, *WIDE, main="Main")
     write(small, *SMALL, main="Main")
-    assert not hurried.open(wide).diagnostics
+    assert not editor_with_short_limit.open(wide).diagnostics
     reason = f"{wide} was not checked: stopped after 0.5 s. Raise the limit with --max-seconds"
-    hurried.wait_until(lambda: [each for each in hurried.messages if each.message == reason], "no message")
-    (finding,) = hurried.open(small).diagnostics
+    editor_with_short_limit.wait_until(
+        lambda: [each for each in editor_with_short_limit.messages if each.message == reason], "no message"
+    )
+    (finding,) = editor_with_short_limit.open(small).diagnostics
     assert finding.code == "missing-attribute"
 
 
-def test_a_command_that_is_cancelled_leaves_no_process(editor, tmp_path):
+def test_cancelled_command_leaves_no_process(editor, tmp_path):
     path = tmp_path / "endless.xml"
     write(path, *ENDLESS, main="Main")
     editor.open(path)
@@ -85,7 +87,7 @@ def test_a_command_that_is_cancelled_leaves_no_process(editor, tmp_path):
     wait_until(lambda: not verifying(), lambda: "it goes on")
 
 
-def test_a_request_that_waits_for_a_check_can_be_cancelled(editor, tmp_path):
+def test_request_waiting_for_a_check_can_be_cancelled(editor, tmp_path):
     path = tmp_path / "wide.xml"
     write(path, *WIDE, main="Main")
     item = lsp.TextDocumentItem(path.as_uri(), "xml", 1, path.read_text(encoding="utf-8"))
@@ -97,7 +99,7 @@ def test_a_request_that_waits_for_a_check_can_be_cancelled(editor, tmp_path):
 
 
 @pytest.mark.costly
-def test_a_command_is_given_no_option_by_what_an_editor_names(editor, tmp_path):
+def test_tree_name_from_editor_is_never_parsed_as_option(editor, tmp_path):
     path = tmp_path / "small.xml"
     write(path, '<BehaviorTree ID="Main">', "<AlwaysSuccess/>", "</BehaviorTree>", main="Main")
     (tmp_path / "strange.py").write_text("open('imported', 'w')", encoding="utf-8")

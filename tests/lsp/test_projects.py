@@ -1,4 +1,4 @@
-"""What an editor shows depends on the files around: unsaved, included, of the same project."""
+"""Tests of findings that depend on other files: unsaved files, included files, files of the same project."""
 
 import pytest
 from lsprotocol import types as lsp
@@ -19,7 +19,7 @@ def codes(published):
 
 
 def wait_for_codes(editor, path, *wanted):
-    """Wait until the last that was published about a file has some codes."""
+    """Wait until the last findings of a file have given codes."""
 
     def is_so():
         mine = [each for each in editor.published if each.uri == path.as_uri()]
@@ -36,7 +36,7 @@ def project(tmp_path):
     return main, library
 
 
-def test_an_included_file_counts_as_it_is_typed(editor, project):
+def test_unsaved_change_of_included_file_takes_effect(editor, project):
     main, library = project
     assert codes(editor.open(main)) == []
     text = library.read_text(encoding="utf-8")
@@ -47,14 +47,14 @@ def test_an_included_file_counts_as_it_is_typed(editor, project):
     wait_for_codes(editor, main)
 
 
-def test_what_is_wrong_in_an_included_file_is_shown_there(editor, project):
+def test_finding_in_included_file_is_shown_there(editor, project):
     main, library = project
     write(library, PART.replace("<Success/>", "<Sucess/>"))
     editor.open(main)
     wait_for_codes(editor, library, "unknown-node")
 
 
-def test_a_tree_of_the_projects_set_is_found_and_missed_when_it_is_renamed(editor, project):
+def test_tree_of_project_set_is_found_and_reported_missing_after_rename(editor, project):
     main, library = project
     write(main, *USING[1:], main="Main")
     (main.parent / "sar.toml").write_text('[project]\ntrees = ["*.xml"]\n', encoding="utf-8")
@@ -63,7 +63,7 @@ def test_a_tree_of_the_projects_set_is_found_and_missed_when_it_is_renamed(edito
     wait_for_codes(editor, main, "unknown-tree")
 
 
-def test_a_mistake_in_the_configuration_is_shown_there(editor, project):
+def test_configuration_error_is_shown_in_configuration_file(editor, project):
     main, _ = project
     settings = main.parent / "sar.toml"
     settings.write_text("[project\n", encoding="utf-8")
@@ -78,7 +78,7 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_a_file_of_another_kind_is_left_alone_until_it_is_a_tree(name, editor, tmp_path):
+def test_other_kind_of_file_is_ignored_until_it_becomes_a_tree(name, editor, tmp_path):
     path = tmp_path / name
     path.write_text(OTHERS[name], encoding="utf-8")
     assert codes(editor.open(path)) == []
@@ -92,7 +92,7 @@ def test_a_file_of_another_kind_is_left_alone_until_it_is_a_tree(name, editor, t
     assert codes(editor.replace(path, 3, OTHERS[name])[-1]) != []
 
 
-def test_what_a_tick_raises_is_shown_when_nothing_is_typed(editor, tmp_path):
+def test_failing_tick_is_shown_while_editor_is_idle(editor, tmp_path):
     path = tmp_path / "tree.xml"
     body = (
         '<Sequence>\n<Script code="goal := \'home\'"/>\n<ScriptCondition code="goal * 2 == 6"/>\n</Sequence>'
@@ -117,7 +117,7 @@ class IsTalked(py_trees.behaviour.Behaviour):
 """
 
 
-def test_leaves_of_ones_own_are_known_and_what_they_print_disturbs_nobody(tmp_path, monkeypatch):
+def test_custom_leaves_are_known_and_their_output_does_not_break_protocol(tmp_path, monkeypatch):
     (tmp_path / "talking.py").write_text(TALKING, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "tree.xml"
@@ -128,7 +128,7 @@ def test_leaves_of_ones_own_are_known_and_what_they_print_disturbs_nobody(tmp_pa
     editor.close()
 
 
-def test_leaves_that_cannot_be_imported_are_told_of(tmp_path):
+def test_import_error_of_leaves_is_shown(tmp_path):
     path = tmp_path / "tree.xml"
     write(path, '<BehaviorTree ID="Main">', "<Success/>", "</BehaviorTree>", main="Main")
     editor = Editor("--nodes", "nowhere_to_be_found")
@@ -138,7 +138,7 @@ def test_leaves_that_cannot_be_imported_are_told_of(tmp_path):
     editor.close()
 
 
-def test_without_the_extra_the_command_names_it():
+def test_command_without_extra_names_it():
     status, said = run_without("pygls", "sar_compiler.cli.compile:main", "lsp")
     assert status == 2
     assert "the language server needs a library that is missing" in said
@@ -146,14 +146,14 @@ def test_without_the_extra_the_command_names_it():
 
 
 @pytest.mark.parametrize("seed", range(rounds(20)))
-def test_an_editor_shows_what_validate_reports_whatever_is_around_a_file(editor, seed, tmp_path, capsys):
+def test_editor_shows_findings_of_validate_in_random_repository(editor, seed, tmp_path, capsys):
     for path in Repository(tmp_path / "repository", seed).trees:
         published = editor.open(path)
         editor.close_file(path)
         assert shown(published) == validated(path, capsys), path
 
 
-def test_a_palette_around_a_file_is_named_in_the_log(editor, project):
+def test_nearby_palette_is_named_in_log(editor, project):
     main, _ = project
     nodes = main.parent / "nodes.xml"
     write(main, '<BehaviorTree ID="Main">', "<Fly/>", "</BehaviorTree>")
@@ -163,7 +163,7 @@ def test_a_palette_around_a_file_is_named_in_the_log(editor, project):
     editor.wait_until(lambda: any(each.message == wanted for each in editor.logged), "no palette is named")
 
 
-def test_a_file_that_is_not_open_is_read_again_when_it_has_changed(editor, project):
+def test_changed_file_that_is_not_open_is_read_again(editor, project):
     main, library = project
     write(main, *USING[1:], main="Main")
     assert codes(editor.open(main)) == []
@@ -176,7 +176,7 @@ def test_a_file_that_is_not_open_is_read_again_when_it_has_changed(editor, proje
     wait_for_codes(editor, main, "unknown-tree")
 
 
-def test_the_folder_that_is_open_is_the_project_of_files_without_a_repository(tmp_path):
+def test_open_folder_is_project_of_files_without_repository(tmp_path):
     path = tmp_path / "trees" / "main.xml"
     write(path, '<BehaviorTree ID="Main">', "<Fly/>", "</BehaviorTree>")
     write(tmp_path / "models" / "nodes.xml", '<TreeNodesModel><Action ID="Fly"/></TreeNodesModel>')

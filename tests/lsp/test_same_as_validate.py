@@ -1,4 +1,4 @@
-"""What an editor shows is what `validate` reports: the same findings, at the same places."""
+"""Tests that an editor shows the findings of `validate` at the same locations."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,7 @@ _SEVERITIES = {1: "error", 2: "warning", 3: "info"}
 
 
 def validated(path, capsys):
-    """Return what `validate` reports of a file itself."""
+    """Return the findings of `validate` in the file itself."""
     main(["validate", str(path), "--no-deep", "--format", "json"])
     found = json.loads(capsys.readouterr().out)
     return sorted(
@@ -27,7 +27,7 @@ def validated(path, capsys):
 
 
 def shown(published):
-    """Return what is shown of a file, with places as `validate` counts them."""
+    """Return the shown findings, with locations counted like those of `validate`."""
     return sorted(
         (
             each.code,
@@ -55,7 +55,7 @@ WRITTEN = {
 
 
 @pytest.mark.parametrize("name", WRITTEN)
-def test_a_mistake_that_is_typed_is_shown_as_validate_reports_it(name, editor, capsys, tmp_path):
+def test_typed_error_is_shown_as_validate_reports_it(name, editor, capsys, tmp_path):
     text, ending = WRITTEN[name]
     text = text if isinstance(text, str) else text.decode("utf-8", "replace")
     path = tmp_path / f"tree{ending}"
@@ -66,7 +66,7 @@ def test_a_mistake_that_is_typed_is_shown_as_validate_reports_it(name, editor, c
 
 
 def is_plain(page):
-    """Return whether the bad example of a page is simply validated."""
+    """Return whether the bad example of a page is only validated."""
     return page.commands("Bad") is None and page.commands("Finding") is None
 
 
@@ -74,6 +74,6 @@ SHOWN = [code for code in CODES if is_plain(page_of(code))]
 
 
 @pytest.mark.parametrize("code", SHOWN)
-def test_the_bad_example_of_a_page_is_shown_as_validate_reports_it(code, editor, capsys, tmp_path):
+def test_bad_example_is_shown_as_validate_reports_it(code, editor, capsys, tmp_path):
     path = tmp_path / write_files(page_of(code).sections["Bad"], tmp_path, "bad")
     assert shown(editor.open(path, path.read_bytes().decode())) == validated(path, capsys)

@@ -1,7 +1,7 @@
-"""Whether the tests notice mistakes: `python -m tests.mutants` makes some by chance, and says which no test finds.
+"""Mutation tests: `python -m tests.mutants` changes the code at random, and reports the changes that no test detects.
 
-The mistakes (mutants) are drawn by a seed from all changes of `mutating`, and made one at a time in a copy of the
-checkout. Exit status 1 if there is a survivor that is not in `EQUIVALENT`.
+A seed selects the changes (mutants) from all changes of `mutating`. Each is applied alone in a copy of the checkout.
+Exit status 1 if a mutant survives that is not in `EQUIVALENT`.
 """
 
 import argparse
@@ -32,14 +32,14 @@ def all_mutants(root: Path, paths: list[str]) -> list[Mutant]:
 
 
 def draw(root: Path, mutants: list[Mutant], seed: int, count: int) -> list[Mutant]:
-    """Return some mutants by chance, the same for everybody; all of them if that many are wanted or none."""
-    order = random.Random(seed).sample(mutants, len(mutants))  # noqa: S311 - the same for everybody
+    """Return random mutants, the same for the same seed; all of them if `count` is 0."""
+    order = random.Random(seed).sample(mutants, len(mutants))  # noqa: S311 - reproducible
     possible = (mutant for mutant in order if mutant.is_python((root / mutant.path).read_bytes()))
     return list(itertools.islice(possible, count or None))
 
 
 def survivors_of(bench: Bench, mutants: list[Mutant]) -> list[Mutant]:
-    """Run the tests with each mutant, tell what became of it, and return those that no test finds."""
+    """Run the tests with each mutant, print the result, and return the mutants that no test detects."""
     found = []
     for number, mutant in enumerate(mutants, 1):
         killer = bench.killer_of(mutant)

@@ -1,4 +1,4 @@
-"""A pytest plugin for the runs of `tests.mutants`: runs the tests that are asked for, and notes what became of each."""
+"""A pytest plugin for the runs of `tests.mutants`: runs the selected tests, and records the result of each."""
 
 import json
 import os
@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 CHOSEN, NOTED, PROCESSES = "MUTANTS_CHOSEN", "MUTANTS_NOTED", "MUTANTS_PROCESSES"
-"""The environment variables that name a file with what to run, one for what came of it, and how processes are measured."""
+"""Environment variables: the file with the selected tests, the file for results, and the coverage settings of processes."""
 CURRENT = "PYTEST_CURRENT_TEST"
-"""The variable in which pytest tells the processes of a test which one and which part of it began them."""
+"""The variable in which pytest names the current test and its phase to child processes."""
 _seconds: dict[str, float | None] = {}
 
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the chosen tests, in their order, and those that there are only with this mutant."""
+    """Keep the selected tests in their order, and tests that exist only with this mutant."""
     if CHOSEN not in os.environ:
         return
     asked = json.loads(Path(os.environ[CHOSEN]).read_text(encoding="utf-8"))
@@ -27,14 +27,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_runtest_setup() -> None:
-    """Have the processes that tests begin measured: not those in which the tests are run."""
+    """Measure the coverage of processes that tests start, but not of the processes that run the tests."""
     if PROCESSES in os.environ:
         os.environ["COVERAGE_PROCESS_START"] = os.environ[PROCESSES]
 
 
 @pytest.hookimpl(wrapper=True, trylast=True)
 def pytest_runtest_teardown() -> Iterator[None]:
-    """Let the environment be as before when `tests/conftest.py` compares it."""
+    """Restore the environment before `tests/conftest.py` compares it."""
     try:
         return (yield)
     finally:
@@ -43,12 +43,12 @@ def pytest_runtest_teardown() -> Iterator[None]:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Note how many seconds a test took; None if it failed."""
+    """Record the seconds of a test; None if it failed."""
     before = _seconds.get(report.nodeid, 0.0)
     _seconds[report.nodeid] = None if before is None or report.failed else before + report.duration
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Write what was noted, also of what was run by workers."""
+    """Write the results, including those of workers."""
     if not hasattr(session.config, "workerinput"):
         Path(os.environ[NOTED]).write_text(json.dumps(_seconds), encoding="utf-8")

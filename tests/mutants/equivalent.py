@@ -1,47 +1,47 @@
-"""Mutants that no test can find, because they change nothing that anybody sees."""
+"""Mutants that no test can detect, because they change no observable behaviour."""
 
 EQUIVALENT: list[tuple[str, str, str, str]] = [
     (
         "sar_compiler/nodes/binding/binder.py",
         "self._level += 1",
         "1 -> 2",
-        "the level is only a bound: where it is too high, `nesting` counts how deep the tree really is",
+        "the level is only a bound: if it is too high, `nesting` counts the real depth of the tree",
     ),
     (
         "sar_compiler/checks/rules/outcome_analysis.py",
         '_YES_OR_NO: tuple[frozenset[str], ...] = (frozenset(), frozenset({"SUCCESS", "FAILURE"}))',
         "\"SUCCESS\" -> 'SUCCESSx'",
-        "it only saves time: the rules find nothing in a tree of nothing but questions",
+        "it only saves time: the rules find nothing in a tree that has only conditions",
     ),
     (
         "sar_compiler/nodes/outcome_sets.py",
         "for child, known in zip(bound.children, children, strict=True)",
         "True -> False",
-        "there is a set for each child; strict would only tell a programmer that there is not",
+        "there is always a set for each child; strict only detects a programming error",
     ),
     (
         "sar_compiler/nodes/nav2/__init__.py",
         'name="nav2.milliseconds",',
         "\"nav2.milliseconds\" -> 'nav2.millisecondsx'",
-        "schemas refer to the type by it, and any name that no other type has will do",
+        "schemas refer to the type by this name, and any unique name works",
     ),
     (
         "sar_compiler/web/replay.py",
         "begin = min(firsts, default=0.0)",
         "0.0 -> 1.0",
-        "where no journal has begun it is subtracted from itself",
+        "if no journal has begun, the value is subtracted from itself",
     ),
     (
         "sar_compiler/ros/readiness.py",
         "_TURN_SEC = 0.05",
         "0.05 -> 1.05",
-        "it is how often the processor looks, and only says how soon somebody hears what is so either way",
+        "it is the polling interval, which changes only the delay of the report",
     ),
     (
         "sar_compiler/execution/serve.py",
         "_DISCOVERY_SEC, _CHECK_SEC = 5.0, 0.05",
         "0.05 -> 1.05",
-        "it is how often the processor looks, as well",
+        "it is a polling interval, too",
     ),
 ]
-"""Each with its module, the line's text, the change, and why it is no mistake."""
+"""The module of each mutant, the text of the line, the change, and why it is not an error."""

@@ -1,4 +1,4 @@
-"""Which mutants a module has: one changed comparison, constant, table entry or keyword of a registration each."""
+"""Finds the mutants of a module. Each changes one comparison, constant, table entry or keyword of a registration."""
 
 import ast
 import re
@@ -15,7 +15,7 @@ _COMPARISONS = {"==": "!=", "!=": "==", "<": "<=", "<=": "<", ">": ">=", ">=": "
 _JUNCTIONS = {"and": "or", "or": "and"}
 _BITS = {"|": "&", "&": "|"}
 _OPERATOR = re.compile(rb"is\s+not|not\s+in|\bis\b|\bin\b|[=!<>]=|[<>]|\band\b|\bor\b|[|&]")
-# Whatever else stands in a text is written for people.
+# Any other string is text for people.
 _WORD = re.compile(r"[^\s.]+([.][^\s.]+)*")
 _TYPES = {"cast", "TypeVar", "NewType"}
 _ONE_LETTER = re.compile("[A-Z]")
@@ -24,17 +24,17 @@ _CONSTANT_NAME = re.compile("[A-Z][A-Z_0-9]*")
 
 @dataclass(frozen=True)
 class Mutant:
-    """A change to one place of a module.
+    """A change at one location of a module.
 
     Attributes:
         path: The module, from the root of the checkout.
         line: Its line, counted from 1.
-        text: That line, without the blanks around it.
-        lines: The lines of the statement, as far as the change.
-        start: Where the change begins, in bytes.
-        end: Where it ends.
-        before: What stands there.
-        after: What takes its place.
+        text: That line, stripped.
+        lines: The lines of the statement up to the change.
+        start: The start of the change, in bytes.
+        end: The end of the change, in bytes.
+        before: The replaced text.
+        after: The new text.
     """
 
     path: str
@@ -48,15 +48,15 @@ class Mutant:
 
     @property
     def change(self) -> str:
-        """What is changed, in one line."""
+        """The change in one line."""
         return " ".join(f"{self.before or '(nothing)'} -> {self.after or '(nothing)'}".split())
 
     def applied(self, source: bytes) -> bytes:
-        """Return the module with the change in it."""
+        """Return the module with the change applied."""
         return source[: self.start] + self.after.encode() + source[self.end :]
 
     def is_python(self, source: bytes) -> bool:
-        """Return whether the module can still be read, which takes longer than to find the mutant."""
+        """Return whether the changed module can be parsed. This takes longer than finding the mutant."""
         try:
             ast.parse(self.applied(source))
         except SyntaxError:
@@ -65,7 +65,7 @@ class Mutant:
 
 
 def mutants_of(path: str, source: bytes) -> list[Mutant]:
-    """Return all changes of a module, in the order of their places; a few of them leave no Python."""
+    """Return all changes of a module, ordered by location; a few of them are not valid Python."""
     return sorted(_Finder(path, source).found, key=lambda mutant: (mutant.start, mutant.end, mutant.after))
 
 
@@ -81,7 +81,7 @@ class _Finder(ast.NodeVisitor):
         self._statement: ast.stmt | None = None
         tree = ast.parse(source)
         self._names = sorted(set(_names(tree)))
-        # Functions that the module calls while it is imported make its tables.
+        # Functions that the module calls on import create its tables.
         self._makers = {call.func.id for call in _calls_at_import(tree) if isinstance(call.func, ast.Name)}
         self._in_table = True
         self.visit(tree)
@@ -105,7 +105,7 @@ class _Finder(ast.NodeVisitor):
         self._in_table = outer
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        # The members of an Enum are told apart by their names.
+        # Members of an Enum are compared by name, so their values do not matter.
         is_enum = [ast.unparse(base) for base in node.bases] == ["Enum"]
         for child in node.body:
             if not (is_enum and isinstance(child, ast.Assign)):
@@ -208,7 +208,7 @@ class _Finder(ast.NodeVisitor):
         self._members(node)
 
     def visit_Tuple(self, node: ast.Tuple) -> None:
-        # What a function returns, or puts into several names, is no table.
+        # A tuple that is returned or unpacked is not a table.
         if self._source[self._place(node)[0] :][:1] == b"(":
             self._members(node)
         else:
@@ -257,7 +257,7 @@ def _is_for_people(node: ast.expr) -> bool:
 
 
 def _names(tree: ast.AST) -> Iterator[str]:
-    """Yield the names of one letter, and the constants of classes, that a module uses."""
+    """Yield the one-letter names and the class constants that a module uses."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Name) and _ONE_LETTER.fullmatch(node.id):
             yield node.id

@@ -1,4 +1,4 @@
-"""Running the tests that reach a mutant, in a copy of the checkout."""
+"""Runs the tests that reach a mutant in a copy of the checkout."""
 
 import bisect
 import hashlib
@@ -33,39 +33,39 @@ _PYTEST = (
     "-m",
     "not slow and not nav2",
 )
-# The first round has the quickest tests, of so many seconds together; most mutants do not live longer.
+# The total seconds of the first round, which has the fastest tests. It kills most mutants.
 _FIRST_SEC = 3.0
-# The last round has tests that only seem to have nothing to do with the mutant.
+# The total seconds of the last round, which has tests that do not seem to reach the mutant.
 _LAST_SEC = 60.0
-# A test of another folder must be so much quicker to have its turn first.
+# A test of another folder runs first only if it is faster by this factor.
 _ELSEWHERE = 3.0
-# Longer tests go through what shorter ones ask for one by one.
+# Longer tests are left out: shorter ones check the same steps separately.
 _LONGEST_SEC = 5.0
-# Whoever takes so much longer than without the mutant hangs.
+# Tests that take longer by this factor than without the mutant, plus the start time, count as endless.
 _SLOWER, _START_SEC = 20.0, 120.0
 
 
 class Bench:
-    """A copy of a checkout, and what is known of its tests.
+    """A copy of a checkout, with the durations and the coverage of its tests.
 
     Args:
         root: The checkout.
-        packages: The folders whose modules are mutated, from there.
-        cache: Where to keep which tests reach which lines.
+        packages: The folders whose modules are mutated, relative to the checkout.
+        cache: The folder that stores which tests reach which lines.
     """
 
     def __init__(self, root: Path, packages: Sequence[str], cache: Path) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="mutants-")
         self._copy = Path(self._folder.name) / "copy"
         shutil.copytree(root, self._copy, ignore=_NOT_COPIED, symlinks=True)
-        # Compiled again when the text is another one, whatever the file's time says.
+        # With hashes, Python recompiles a changed file even if its time is the same.
         compiled = ("-m", "compileall", "-q", "--invalidation-mode", "checked-hash", *packages)
         subprocess.run([sys.executable, *compiled], cwd=self._copy, check=True)
         modules = sorted(path for package in packages for path in (self._copy / package).rglob("*.py"))
         self._modules = {str(path.relative_to(self._copy)): _hash_of(path.read_bytes()) for path in modules}
         self._cache = cache.absolute() / _hash_of("\n".join(self._modules).encode())
         self._known = self._collect(packages)
-        # What fails without a mutant tells nothing.
+        # A test that fails without a mutant proves nothing.
         self._seconds = {
             test: sec for test, sec in self._known.items() if sec is not None and sec < _LONGEST_SEC
         }
@@ -78,19 +78,19 @@ class Bench:
         self._folder.cleanup()
 
     def killer_of(self, mutant: Mutant) -> str:
-        """Return which test fails with a mutant, each time, and not without it; empty if none does."""
+        """Return a test that always fails with a mutant and passes without it; empty if there is none."""
         while killer := self._with(mutant, lambda: self._failing_of(self._rounds(mutant))):
             if killer not in self._seconds or (
                 not self._failing([killer]) and self._with(mutant, lambda: self._failing([killer]))
             ):
                 self._killers[killer] += 1
                 return killer
-            # It fails now and then, or here.
+            # The test is flaky, or fails in this environment.
             del self._seconds[killer]
         return ""
 
     def _with(self, mutant: Mutant, run: Callable[[], str]) -> str:
-        """Return what a run returns while a mutant is there."""
+        """Apply a mutant during a run; return the result of the run."""
         path = self._copy / mutant.path
         source = path.read_bytes()
         path.write_bytes(mutant.applied(source))
@@ -103,7 +103,7 @@ class Bench:
         return next(filter(None, map(self._failing, rounds)), "")
 
     def _collect(self, packages: Sequence[str]) -> dict[str, float | None]:
-        """Return how many seconds each test takes, None if it fails; run those whose file is new, and note what they reach."""
+        """Return the seconds of each test, None if it fails; run tests of new files and record the lines that they reach."""
         self._cache.mkdir(parents=True, exist_ok=True)
         notes = self._cache / "notes.json"
         text = notes.read_text(encoding="utf-8") if notes.exists() else "[{}, {}]"
@@ -112,10 +112,10 @@ class Bench:
         files = sorted((self._copy / "tests").rglob("test_*.py"))
         hashes = {str(file.relative_to(self._copy)): _hash_of(file.read_bytes()) for file in files}
         known: dict[str, Any] = {file: own for file, own in found.items() if hashes.get(file) == own[0]}
-        # Kept folder by folder: who is interrupted goes on where he was.
+        # Stored for each folder, so that an interrupted run can continue.
         unknown = [file for file in hashes if file not in known]
-        for room, group in itertools.groupby(unknown, _room_of):
-            sys.stderr.write(f"measuring {room}\n")
+        for folder, group in itertools.groupby(unknown, _test_folder_of):
+            sys.stderr.write(f"measuring {folder}\n")
             new = list(group)
             seconds = self._measure(packages, new)
             for file in new:
@@ -125,7 +125,7 @@ class Bench:
         return {test: sec for _, own in known.values() for test, sec in own.items()}
 
     def _measure(self, packages: Sequence[str], files: list[str]) -> dict[str, float | None]:
-        """Return how many seconds each test of some files takes, and keep which lines they and their processes reach."""
+        """Return the seconds of each test in some files, and record the lines that they and their processes reach."""
         folder = Path(tempfile.mkdtemp(dir=self._copy.parent))
         source = "".join(f"\n  {self._copy / package}" for package in packages)
         for name, more in (("tests", ""), ("processes", f"parallel = true\ncontext = ${{{CURRENT}-}}\n")):
@@ -142,24 +142,24 @@ class Bench:
             data = CoverageData(str(file))
             try:
                 data.read()
-            except DataError:  # whoever wrote it was killed meanwhile
+            except DataError:  # the writing process was killed
                 continue
             reach.update(data, map_path=lambda path: os.path.relpath(path, self._copy))
-        # Some tests fail only because they are measured.
+        # Some tests fail only under coverage.
         if failed := [test for test, sec in seconds.items() if sec is None]:
             again, _ = self._run(_files_of(failed), None, self._ask(failed, list(seconds)))
             seconds |= again
         return seconds
 
     def _rounds(self, mutant: Mutant) -> list[list[str]]:
-        """Return which tests to run: the quickest that reach the lines, then the others that do, then some more.
+        """Return the tests to run: the fastest that reach the lines, then the others that do, then some more.
 
-        The last round is for what is done but once in a process: only the first test seems to reach it.
+        The last round is for code that runs once in a process, which only the first test seems to reach.
         """
-        near, rooms = self.reaching(mutant), Path(mutant.path).parts[1:-1]
+        near, folders = self.reaching(mutant), Path(mutant.path).parts[1:-1]
 
         def priority(test: str) -> tuple[int, float]:
-            is_near = any(f"/{room}/" in test for room in rooms)
+            is_near = any(f"/{folder}/" in test for folder in folders)
             return -self._killers[test], self._seconds[test] * (1.0 if is_near else _ELSEWHERE)
 
         order = sorted(self._seconds, key=priority)
@@ -168,25 +168,25 @@ class Bench:
         return [tests for tests in (first, rest, last) if tests]
 
     def _within(self, seconds: float, tests: list[str]) -> tuple[list[str], list[str]]:
-        """Return the first tests that together take some seconds, and the others."""
+        """Return the first tests that together take at most some seconds, and the others."""
         ends = list(itertools.accumulate(self._seconds[test] for test in tests))
         count = bisect.bisect_right(ends, seconds)
         return tests[:count], tests[count:]
 
     def reaching(self, mutant: Mutant) -> set[str]:
-        """Return the tests that come to the lines of a mutant, themselves or by a process or a fixture."""
+        """Return the tests that reach the lines of a mutant, directly, in a process or in a fixture."""
         contexts = self._reach.contexts_by_lineno(mutant.path)
         is_as_it_was = self._collected[mutant.path] == self._modules[mutant.path]
         lines = mutant.lines if is_as_it_was else ()
         on_lines = {test for line in lines for test in contexts.get(line, []) if test}
-        # What is done when a module is imported is done for all who use the module.
+        # Code that runs on import runs for all tests that use the module.
         found = on_lines or {test for tests in contexts.values() for test in tests if test}
         tests, begun = set(), set()
         for test, phase in map(_test_and_phase, found):
             tests.add(test)
             if phase == "setup":
                 begun.add(test.partition("::")[0])
-        # What a fixture does, it may do for all tests of the file.
+        # A fixture may serve all tests of the file.
         tests |= {test for test in self._seconds if test.partition("::")[0] in begun}
         return tests & self._seconds.keys()
 
@@ -198,7 +198,7 @@ class Bench:
         return "" if nothing_failed else failed[0] if failed else _NO_END if status is None else _NO_START
 
     def _ask(self, tests: list[str], known: list[str]) -> dict[str, str]:
-        """Return the variables that have pytest run some tests, and those that are not known."""
+        """Return the variables that make pytest run some tests, and the tests that are not known."""
         asked = self._copy.parent / "asked.json"
         asked.write_text(json.dumps({"chosen": tests, "known": known}), encoding="utf-8")
         return {CHOSEN: str(asked)}
@@ -206,7 +206,7 @@ class Bench:
     def _run(
         self, arguments: Sequence[str], limit_sec: float | None, variables: dict[str, str] | None = None
     ) -> tuple[dict[str, float | None], int | None]:
-        """Run pytest in the copy; return what its tests took, and its exit status, None if it did not end."""
+        """Run pytest in the copy; return the seconds of its tests, and its exit status, None if it did not end."""
         notes = self._copy.parent / "noted.json"
         notes.write_text("{}", encoding="utf-8")
         path = os.pathsep.join([str(self._copy), str(Path(__file__).parent)])
@@ -230,7 +230,7 @@ class Bench:
         return json.loads(notes.read_text(encoding="utf-8")), status
 
 
-def _room_of(file: str) -> str:
+def _test_folder_of(file: str) -> str:
     """Return the folder of `tests` that a file is in."""
     return "/".join(Path(file).parent.parts[:2])
 
@@ -240,7 +240,7 @@ def _files_of(tests: list[str]) -> list[str]:
 
 
 def _test_and_phase(context: str) -> tuple[str, str]:
-    """Return what a context of coverage names: `test|setup`; `test (setup)` in a process that was begun then."""
+    """Return the test and the phase in a coverage context: `test|setup`, or `test (setup)` in a child process."""
     test, _, phase = context.removesuffix(")").rpartition("|" if "|" in context[-10:] else " (")
     return test, phase
 

@@ -1,4 +1,4 @@
-"""The tool that makes mutants, with a module of a few lines and its test."""
+"""Tests of the mutation tool with a module of a few lines and its test."""
 
 import ast
 from contextlib import closing
@@ -66,12 +66,12 @@ def checkout_of(root, module, test):
     return root
 
 
-def test_a_mutant_that_a_test_finds_is_killed_and_one_that_none_finds_survives(tmp_path, capsys):
+def test_detected_mutant_is_killed_and_undetected_one_survives(tmp_path, capsys):
     checkout = checkout_of(tmp_path / "checkout", MODULE, TEST)
     with closing(Bench(checkout, ["toy"], tmp_path / "cache")) as bench:
         mutants = all_mutants(checkout, ["toy"])
         (survivor,) = survivors_of(bench, mutants)
-        # Who calls the function in a process, or has a fixture that does.
+        # Tests that call the function directly, in a process, or in a fixture.
         assert {test.partition("::")[2] for test in bench.reaching(mutants[-1])} == {
             "test_the_fourth_tick_is_late",
             "test_another_process_says_something",
@@ -82,12 +82,12 @@ def test_a_mutant_that_a_test_finds_is_killed_and_one_that_none_finds_survives(t
     assert "toy/__init__.py:2: 3 -> 4: killed by tests/test_toy.py::test_the_fourth_tick_is_late" in told
     assert "toy/__init__.py:3: 7 -> 8: SURVIVED" in told
     assert "toy/__init__.py:7: > -> >=: killed by" in told
-    # What is made is made in a copy.
+    # The checkout itself is not changed.
     assert (checkout / "toy" / "__init__.py").read_text() == MODULE
     assert sorted(path.name for path in checkout.rglob("*")) == ["__init__.py", "test_toy.py", "tests", "toy"]
 
 
-def test_a_mutant_that_never_ends_is_killed(tmp_path, monkeypatch):
+def test_endless_mutant_is_killed(tmp_path, monkeypatch):
     monkeypatch.setattr("tests.mutants.running._START_SEC", 5.0)
     module = "def wait(n):\n    while n != 2:\n        n += 2\n"
     checkout = checkout_of(
@@ -98,7 +98,7 @@ def test_a_mutant_that_never_ends_is_killed(tmp_path, monkeypatch):
         assert bench.killer_of(endless)
 
 
-def test_a_suite_that_compares_its_environment_is_measured_in_one_run(tmp_path):
+def test_suite_that_checks_its_environment_is_measured_in_one_run(tmp_path):
     runs = tmp_path / "runs"
     test = f"def test_seven():\n    with open({str(runs)!r}, 'a') as file:\n        file.write('.')\n"
     checkout = checkout_of(tmp_path / "checkout", "def seven():\n    return 7\n", test)
@@ -111,10 +111,10 @@ def test_a_suite_that_compares_its_environment_is_measured_in_one_run(tmp_path):
         assert runs.read_text() == "."
 
 
-def test_a_test_that_fails_now_and_then_kills_no_mutant(tmp_path):
+def test_flaky_test_kills_no_mutant(tmp_path):
     times = tmp_path / "times"
     times.write_text("", encoding="utf-8")
-    # Measured once without a mutant; the second time is the first one with it.
+    # The first run is without a mutant, the second with it.
     fails_once = (
         "from pathlib import Path\nfrom toy import seven\ndef test_now_and_then():\n    seven()\n"
         f"    times = Path({str(times)!r})\n    times.write_text(times.read_text() + '.')\n"
@@ -127,7 +127,7 @@ def test_a_test_that_fails_now_and_then_kills_no_mutant(tmp_path):
     assert len(times.read_text()) > len("..")
 
 
-def test_every_mutant_that_is_drawn_is_python_and_another_text(tmp_path):
+def test_every_drawn_mutant_is_valid_and_changes_the_source(tmp_path):
     checkout = checkout_of(tmp_path, f"IS_SLOW = not(False)\n{MODULE}", TEST)
     source = (checkout / "toy" / "__init__.py").read_bytes()
     mutants = all_mutants(checkout, ["toy"])
@@ -158,7 +158,7 @@ def test_every_mutant_that_is_drawn_is_python_and_another_text(tmp_path):
         ("x = f()\ndef f():\n    return g(h=i)", ["h=i -> (nothing)"]),
     ],
 )
-def test_what_can_be_mistaken_is_changed(source, expected):
+def test_each_kind_of_code_is_mutated(source, expected):
     assert changes(source) == expected
 
 
@@ -181,5 +181,5 @@ def test_what_can_be_mistaken_is_changed(source, expected):
         "def f():\n    return g(h=i)",
     ],
 )
-def test_what_only_people_and_type_checkers_read_is_left_alone(source):
+def test_text_for_people_and_type_checkers_is_not_mutated(source):
     assert changes(source) == []

@@ -1,4 +1,4 @@
-"""What the tests of all test processes share, and processes out of the workspace's install folder."""
+"""Fixtures that parallel test processes share, and commands from the workspace's install folder."""
 
 import fcntl
 import os
@@ -10,7 +10,7 @@ from tests.processes import Command
 
 
 def made_once(tmp_path_factory, name, make):
-    """Return a folder of the test run, made by whichever of the parallel test processes needs it first."""
+    """Return a folder of the test run. The first parallel test process that needs it creates it."""
     place = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         place = place.parent
@@ -25,7 +25,7 @@ def made_once(tmp_path_factory, name, make):
 
 @pytest.fixture(scope="session")
 def workspace(tmp_path_factory):
-    """The workspace, which is built."""
+    """Return the built workspace."""
     return Workspace(
         made_once(tmp_path_factory, "workspace", lambda folder: Workspace(folder).fill_and_build())
     )
@@ -33,7 +33,7 @@ def workspace(tmp_path_factory):
 
 @pytest.fixture
 def start(workspace):
-    """Start commands of the workspace in a shell that has sourced it; what still runs after the test is killed."""
+    """Start commands of the workspace in its environment; kill those that still run after the test."""
     environment = workspace.environment()
     commands = []
 

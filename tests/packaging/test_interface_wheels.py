@@ -1,4 +1,4 @@
-"""What is in the wheels of the interface packages, of a package as colcon installs it; `make wheels` builds them."""
+"""Tests of the wheels of interface packages, made from a package as colcon installs it. `make wheels` builds them."""
 
 import importlib.util
 import re
@@ -35,7 +35,7 @@ INSTALLED = (
 
 @pytest.fixture
 def wheel(tmp_path):
-    """Lay out the wheel of `nav2_msgs` as it is installed; return the folder."""
+    """Fill the wheel of `nav2_msgs` from an installed package; return the folder."""
     prefix, folder = tmp_path / "installed" / "nav2_msgs", tmp_path / "wheel"
     for name in INSTALLED:
         (prefix / name).parent.mkdir(parents=True, exist_ok=True)
@@ -47,7 +47,7 @@ def wheel(tmp_path):
     return folder
 
 
-def test_a_wheel_has_what_a_running_program_needs_where_the_environment_looks_for_it(wheel):
+def test_wheel_has_only_runtime_files_in_their_installed_locations(wheel):
     data, info = "sar_compiler_nav2_msgs-0.1.0.data/data", "sar_compiler_nav2_msgs-0.1.0.dist-info"
     assert {path.relative_to(wheel).as_posix() for path in wheel.rglob("*") if path.is_file()} == {
         "nav2_msgs/__init__.py",
@@ -61,7 +61,7 @@ def test_a_wheel_has_what_a_running_program_needs_where_the_environment_looks_fo
     }
 
 
-def test_it_names_what_it_needs_as_the_index_does(wheel):
+def test_wheel_names_its_requirements_as_on_the_index(wheel):
     (metadata,) = wheel.glob("*.dist-info/METADATA")
     lines = metadata.read_text(encoding="utf-8").splitlines()
     assert lines[1:3] == ["Name: sar_compiler_nav2_msgs", "Version: 0.1.0"]
@@ -74,13 +74,13 @@ def test_it_names_what_it_needs_as_the_index_does(wheel):
     ]
 
 
-def test_it_is_for_this_version_of_python_on_linux_alone(wheel):
+def test_wheel_is_tagged_for_this_python_on_linux(wheel):
     (said,) = wheel.glob("*.dist-info/WHEEL")
     python = f"cp{sys.version_info.major}{sys.version_info.minor}"
     assert f"Tag: {python}-{python}-linux_x86_64\n" in said.read_text(encoding="utf-8")
 
 
-def test_the_extra_names_the_wheels_of_all_interface_packages():
+def test_interfaces_extra_names_all_wheels():
     text = Path("pyproject.toml").read_text(encoding="utf-8")
     extra = re.search(r"^interfaces = \[\n(.*?)^\]", text, re.DOTALL | re.MULTILINE)
     assert extra

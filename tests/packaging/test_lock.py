@@ -1,4 +1,4 @@
-"""What `make env` installs, and with it continuous integration, is pinned with hashes and agrees with pyproject.toml."""
+"""Tests of requirements.lock: `make env` and CI install pinned versions with hashes, which match pyproject.toml."""
 
 import re
 import sys
@@ -15,13 +15,13 @@ else:
     import tomli as tomllib
 
 REQUIREMENTS = Path("pip_interfaces/requirements.txt")
-# The wheels of `make wheels`, which are on no index.
+# `make wheels` builds these wheels; no index has them.
 ON_NO_INDEX = {"interfaces"}
 PYTHONS = ("3.10", "3.11", "3.12", "3.13")
 
 
 def pins():
-    """The lock's entries: a requirement, and the hashes of its files."""
+    """Return the entries of the lock: a requirement, and the hashes of its files."""
     entries = re.split(r"\n(?=\S)", Path("requirements.lock").read_text(encoding="utf-8").strip())
     return [
         (Requirement(entry.split(" \\\n")[0]), re.findall(r"--hash=sha256:[0-9a-f]{64}", entry))
@@ -35,7 +35,7 @@ def extras():
     ]
 
 
-def demanded():
+def all_requirements():
     project = tomllib.loads(Path("pyproject.toml").read_text(encoding="utf-8"))["project"]
     listed = [
         line for line in REQUIREMENTS.read_text(encoding="utf-8").splitlines() if not line.startswith("#")
@@ -44,7 +44,7 @@ def demanded():
     return [Requirement(line) for line in (*project["dependencies"], *of_extras, *listed)]
 
 
-def test_each_entry_is_one_version_with_the_hashes_of_its_files():
+def test_each_lock_entry_has_one_version_and_hashes():
     loose = [
         str(pin)
         for pin, hashes in pins()
@@ -54,7 +54,7 @@ def test_each_entry_is_one_version_with_the_hashes_of_its_files():
 
 
 @pytest.mark.parametrize("python", PYTHONS)
-def test_whatever_is_asked_for_is_pinned_once_for_a_python_at_a_version_that_is_allowed(python):
+def test_each_requirement_is_pinned_once_at_an_allowed_version(python):
     here = {
         "python_version": python,
         "python_full_version": f"{python}.1",
@@ -65,7 +65,7 @@ def test_whatever_is_asked_for_is_pinned_once_for_a_python_at_a_version_that_is_
     for pin, _hashes in pins():
         if pin.marker is None or pin.marker.evaluate(here):
             locked.setdefault(canonicalize_name(pin.name), []).append(str(pin.specifier).removeprefix("=="))
-    for wanted in demanded():
+    for wanted in all_requirements():
         if wanted.marker is None or wanted.marker.evaluate(here):
             [version] = locked.get(canonicalize_name(wanted.name), ["none"])
             assert version != "none", f"{wanted} is not in requirements.lock: run `make lock`"
@@ -74,6 +74,6 @@ def test_whatever_is_asked_for_is_pinned_once_for_a_python_at_a_version_that_is_
             )
 
 
-def test_the_lock_is_made_for_every_extra_that_is_on_an_index():
+def test_lock_covers_every_extra_on_an_index():
     [named] = re.findall(r"^EXTRAS := (.*)$", Path("Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     assert sorted(named.split()) == sorted(set(extras()) - ON_NO_INDEX)

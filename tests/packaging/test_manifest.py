@@ -1,4 +1,4 @@
-"""What package.xml says agrees with what is said and done elsewhere."""
+"""Tests that package.xml matches the project: version, dependencies, rosdep keys, changelog."""
 
 import ast
 import re
@@ -10,8 +10,8 @@ import pytest
 import yaml
 from catkin_pkg.package import parse_package
 
-# Modules whose rosdep key has another name.
-KEYS = {
+# Modules whose rosdep keys have other names.
+ROSDEP_KEYS = {
     "PIL": "python3-pil",
     "argcomplete": "python3-argcomplete",
     "jsonschema": "python3-jsonschema",
@@ -23,14 +23,14 @@ KEYS = {
 FILES = sorted(path for top in ("sar_compiler", "launch", "examples") for path in Path(top).rglob("*.py"))
 # The examples' files import each other.
 OURS = {"sar_compiler", *(path.stem for path in Path("examples").rglob("*.py"))}
-# Read by type checkers only.
-NEVER_RUN = {"typing_extensions"}
-# Python 3.10 lacks tomllib, and tomli stands in for it; the Pythons of a robot's apt have it.
-NEVER_RUN |= {"tomli", "tomllib"}
-# No package of apt's: lists stand in for it.
-NEVER_RUN |= {"librt", "mypy_extensions"}
-# Extras, which say what to install where they are missing.
-NEVER_RUN |= {
+# Modules that only type checkers read.
+NOT_REQUIRED = {"typing_extensions"}
+# tomli replaces tomllib on Python 3.10; the Python versions of ROS distributions have tomllib.
+NOT_REQUIRED |= {"tomli", "tomllib"}
+# apt has no such packages; the code falls back to lists.
+NOT_REQUIRED |= {"librt", "mypy_extensions"}
+# Extras: messages say what to install if they are missing.
+NOT_REQUIRED |= {
     "jinja2",
     "markupsafe",
     "mcap",
@@ -43,17 +43,17 @@ NEVER_RUN |= {
     "shapely",
     "xsdata",
 }
-NEVER_RUN |= {"starlette", "uvicorn", "pygls", "lsprotocol", "mcp", "anyio"}
-# Of BehaviorTree.ROS2, which is no package of apt's: `--serve` says so where it is missing.
-NEVER_RUN |= {"btcpp_ros2_interfaces"}
+NOT_REQUIRED |= {"starlette", "uvicorn", "pygls", "lsprotocol", "mcp", "anyio"}
+# Part of BehaviorTree.ROS2, which apt does not have. `--serve` reports it if it is missing.
+NOT_REQUIRED |= {"btcpp_ros2_interfaces"}
 
 
 def manifest():
     return ET.parse("package.xml").getroot()  # noqa: S314 - it is ours
 
 
-def imported(path):
-    """The names of the packages that a file imports, wherever in it."""
+def packages_imported_by(path):
+    """Yield the names of the packages that a file imports at any level."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name.split(".")[0] for alias in node.names)
@@ -61,7 +61,7 @@ def imported(path):
             yield node.module.split(".")[0]
 
 
-def test_the_version_is_that_of_the_project():
+def test_manifest_version_matches_project():
     project = re.search(
         r'^version = "(.+)"$', Path("pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE
     )
@@ -69,15 +69,18 @@ def test_the_version_is_that_of_the_project():
     assert manifest().findtext("version") == project[1]
 
 
-def test_whatever_is_imported_is_a_dependency():
+def test_every_imported_package_is_a_dependency():
     names = (
-        {name for path in FILES for name in imported(path)} - set(sys.stdlib_module_names) - OURS - NEVER_RUN
+        {name for path in FILES for name in packages_imported_by(path)}
+        - set(sys.stdlib_module_names)
+        - OURS
+        - NOT_REQUIRED
     )
     depended = {entry.text for entry in manifest().iter("exec_depend")}
-    assert sorted({KEYS.get(name, name) for name in names} - depended) == []
+    assert sorted({ROSDEP_KEYS.get(name, name) for name in names} - depended) == []
 
 
-def test_whatever_the_launch_files_start_is_a_dependency():
+def test_every_package_started_by_launch_files_is_a_dependency():
     text = "".join(path.read_text(encoding="utf-8") for path in Path("launch").glob("*.py"))
     started = set(re.findall(r'(?:get_package_share_directory\(|\bpackage=)"(\w+)"', text)) - OURS
     depended = {entry.text for entry in manifest().iter("exec_depend")}
@@ -105,12 +108,12 @@ def test_rosdep_knows_every_key():
     }
     known = yaml.safe_load(Path("tests/packaging/rosdep_keys.yaml").read_text(encoding="utf-8"))
     listed = {*known["jazzy/distribution.yaml"], *known["rosdep/python.yaml"]}
-    # A package of this repository has a key once it is released with it.
+    # The packages of this repository get keys with their release.
     assert keys - {package.name for package in packages} == listed - {package.name for package in packages}
 
 
 @pytest.mark.parametrize(("environment", "is_asked"), [({}, False), ({"SAR_BRINGUP": "1"}, True)])
-def test_nav2_rviz_and_the_recorder_are_asked_for_only_by_who_wants_the_launch_file(environment, is_asked):
+def test_nav2_rviz_and_recorder_are_dependencies_only_with_bringup(environment, is_asked):
     package = parse_package("package.xml")
     package.evaluate_conditions({"ROS_VERSION": "2", "ROS_DISTRO": "jazzy", **environment})
     asked = {depend.name for depend in package.exec_depends if depend.evaluated_condition}
@@ -119,7 +122,7 @@ def test_nav2_rviz_and_the_recorder_are_asked_for_only_by_who_wants_the_launch_f
     assert "rclpy" in asked
 
 
-def test_the_changelog_has_a_section_for_what_is_not_released():
+def test_changelog_has_an_unreleased_section():
     text = Path("CHANGELOG.md").read_text(encoding="utf-8")
     sections = re.findall(r"^## \[(.+?)\](?: - (\d{4}-\d{2}-\d{2}))?$", text, re.MULTILINE)
     assert sections[0] == ("Unreleased", "")

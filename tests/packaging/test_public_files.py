@@ -1,4 +1,4 @@
-"""What strangers look for at the top of a repository agrees with what is so."""
+"""Tests that the public files of the repository match the project: citation, quality declaration, CI, container."""
 
 import re
 from pathlib import Path
@@ -21,7 +21,7 @@ def project(key):
 
 
 def targets():
-    """The targets of the Makefile."""
+    """Return the targets of the Makefile."""
     heads = re.findall(r"^([\w -]+):(?!=)", text("Makefile"), re.MULTILINE)
     return {word for head in heads for word in head.split()}
 
@@ -39,9 +39,9 @@ def steps(workflow):
     return [step for job in workflow["jobs"].values() for step in job["steps"]]
 
 
-def test_who_cites_the_project_gets_its_name_version_and_licence():
+def test_citation_has_name_version_and_licence_of_project():
     citation = yaml.safe_load(text("CITATION.cff"))
-    # What version 1.2.0 of the format demands, and what makes a citation one.
+    # Version 1.2.0 of the format requires these keys.
     assert citation["cff-version"] == "1.2.0"
     assert {"message", "title", "authors"} <= set(citation)
     assert all(author.get("name") for author in citation["authors"])
@@ -49,14 +49,14 @@ def test_who_cites_the_project_gets_its_name_version_and_licence():
     assert citation["license"] == manifest().findtext("license") == "Apache-2.0"
 
 
-def test_a_citation_has_the_date_of_its_version_once_that_is_released():
+def test_citation_has_release_date_of_its_version():
     citation = yaml.safe_load(text("CITATION.cff"))
     dates = dict(re.findall(r"^## \[(.+?)\] - (\S+)$", text("CHANGELOG.md"), re.MULTILINE))
     date = citation.get("date-released")
     assert (date and str(date)) == dates.get(project("version"))
 
 
-def test_the_quality_declaration_speaks_of_this_version_and_claims_no_level_that_asks_for_a_stable_one():
+def test_quality_declaration_names_this_version_and_an_allowed_level():
     declaration = text("QUALITY_DECLARATION.md")
     version = project("version")
     assert f"`{version}`" in declaration
@@ -64,7 +64,7 @@ def test_the_quality_declaration_speaks_of_this_version_and_claims_no_level_that
     assert int(level) >= 3 or int(version.split(".")[0]) >= 1
 
 
-def test_the_quality_declaration_has_every_section_of_the_rep_and_names_what_can_be_typed():
+def test_quality_declaration_has_every_rep_section_and_existing_make_targets():
     declaration = text("QUALITY_DECLARATION.md")
     rows = re.findall(r"^\| ((?:\d\.[ivx]+(?:, )?)+) \|", declaration, re.MULTILINE)
     assert {row[0] for row in rows} == set("1234567")
@@ -72,19 +72,19 @@ def test_the_quality_declaration_has_every_section_of_the_rep_and_names_what_can
     assert make_targets_in(declaration) <= targets()
 
 
-def test_the_coverage_that_is_declared_is_the_one_that_is_demanded():
+def test_declared_coverage_matches_required_coverage():
     [demanded] = re.findall(r"^fail_under = (\d+)$", text("pyproject.toml"), re.MULTILINE)
     assert f"fails below {demanded} %" in text("QUALITY_DECLARATION.md")
 
 
-def test_the_readme_leads_to_the_policy_the_declaration_and_the_citation():
+def test_readme_links_security_policy_quality_declaration_and_citation():
     readme = text("README.md")
     for name in ("SECURITY.md", "QUALITY_DECLARATION.md", "CITATION.cff"):
         assert f"({name})" in readme, name
     assert "where-next" in anchors(Path("README.md"))
 
 
-def test_the_public_ci_runs_what_the_private_one_runs_for_every_python(workflow):
+def test_public_ci_runs_ci_script_and_builds_wheels_for_every_python(workflow):
     jobs = workflow["jobs"]
     assert ".ci/run" in {step.get("run") for step in jobs["tests"]["steps"]}
     for name in ("tests", "wheels"):
@@ -92,20 +92,20 @@ def test_the_public_ci_runs_what_the_private_one_runs_for_every_python(workflow)
     assert make_targets_in("\n".join(step.get("run", "") for step in steps(workflow))) <= targets()
 
 
-def test_no_step_of_the_public_ci_can_write_to_the_repository_or_has_a_secret(workflow):
+def test_public_ci_has_no_write_permission_and_no_secrets(workflow):
     assert workflow["permissions"] == {"contents": "read"}
     assert not any("permissions" in job for job in workflow["jobs"].values())
     assert "secrets." not in text(".github/workflows/ci.yml")
     assert {step["uses"].split("/")[0] for step in steps(workflow) if "uses" in step} == {"actions"}
 
 
-def test_the_public_ci_builds_the_container_file_that_is_there(workflow):
+def test_public_ci_builds_existing_container_file(workflow):
     runs = "\n".join(step.get("run", "") for step in workflow["jobs"]["container"]["steps"])
     [named] = re.findall(r"docker build -f (\S+)", runs)
     assert Path(named).is_file()
 
 
-def test_the_container_installs_what_the_readme_says_and_runs_the_demonstration():
+def test_container_installs_readme_packages_and_runs_demo():
     container = text("Containerfile").replace("\\\n", " ")
     [said] = re.findall(r"sudo apt install (.+)", text("README.md"))
     [installed] = re.findall(r"apt-get install -y --no-install-recommends (.+?) &&", container)
@@ -113,14 +113,14 @@ def test_the_container_installs_what_the_readme_says_and_runs_the_demonstration(
     assert set(installed.split()) == {*said.split(), "ca-certificates"}
     assert container.rstrip().endswith('CMD ["make", "demo"]')
     assert make_targets_in(container) | {"demo"} <= targets()
-    # The mission is no business of root's.
+    # The mission must not run as root.
     assert container.index("\nUSER ") < container.index("\nCOPY ")
 
 
-def test_what_git_ignores_does_not_come_into_the_container():
+def test_container_excludes_files_ignored_by_git():
     left_out = {line.removeprefix("**/").strip("/") for line in text(".dockerignore").splitlines()}
     made = {line.strip("/") for line in text(".gitignore").splitlines()}
-    # Made beside the sources by other tools than `make`.
+    # Other tools than `make` create these folders.
     assert made - left_out - {"install", "log", "*.egg-info", "htmlcov"} - {
         ".pytest_cache", ".mypy_cache", ".ruff_cache",
     } == set()  # fmt: skip

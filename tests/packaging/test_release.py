@@ -1,4 +1,4 @@
-"""`make release`: what it asks for, what it commits, and what it tags."""
+"""Tests of `make release`: its conditions, its commit, and its tag."""
 
 import os
 import re
@@ -21,7 +21,7 @@ TEXT = "# Changelog\n\n## [Unreleased]\n\nSoon.\n\n### Added\n\n- **A**\n\n### F
 
 @pytest.fixture
 def checkout(tmp_path, monkeypatch):
-    """A new repository with the files that a release changes or reads, in which the test stands."""
+    """Create a repository with the files that a release changes or reads, and change to its folder."""
     for name in (*RELEASE["VERSIONED"], "CHANGELOG.md", "Makefile", ".ci/release.py", RELEASE["PUBLICATION"]):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_bytes(Path(name).read_bytes())
@@ -41,8 +41,8 @@ def git(*arguments):
     return run.stdout
 
 
-def refused(*released):
-    """Ask make for a release for some Pythons, which must be refused before anything is made or committed; return what it says."""
+def refused_release(*released):
+    """Run `make release` for some Pythons, which must fail before it creates or commits anything; return its output."""
     there = {*Path().iterdir()}
     run = subprocess.run(
         ("make", "release", f"PYTHON={sys.executable}", f"RELEASED={' '.join(released)}"),  # noqa: S607
@@ -55,7 +55,7 @@ def refused(*released):
     return run.stdout + run.stderr
 
 
-def test_a_placeholder_is_replaced_in_every_file_but_its_own_once_it_has_a_value(checkout):
+def test_placeholder_with_value_is_replaced_in_all_files_except_its_own(checkout):
     declared = checkout / RELEASE["PUBLICATION"]
     text = declared.read_text(encoding="utf-8")
     [placeholder] = re.findall(r'^\[maintainer\]\n.*\nplaceholder = "(.+)"$', text, re.MULTILINE)
@@ -68,7 +68,7 @@ def test_a_placeholder_is_replaced_in_every_file_but_its_own_once_it_has_a_value
 
 
 def made(folder, *pythons):
-    """Lay out what is built for some Pythons."""
+    """Create the files that a build makes for some Pythons."""
     files = [
         f"sar_compiler-{VERSION}.tar.gz",
         *(f"sar_compiler-{VERSION}-cp{each}-cp{each}-manylinux_2_17_x86_64.whl" for each in pythons),
@@ -77,7 +77,7 @@ def made(folder, *pythons):
         (folder / each).touch()
 
 
-def test_what_is_not_released_comes_under_the_version_and_older_sections_stay():
+def test_unreleased_changes_move_under_version_and_older_sections_stay():
     with_section = RELEASE["with_section"]
     first = with_section(TEXT, "0.1.0", "2026-12-01")
     kinds = "### Added\n\n- **A**\n\n### Fixed\n\n- b\n"
@@ -88,13 +88,13 @@ def test_what_is_not_released_comes_under_the_version_and_older_sections_stay():
     assert second == f"{head}## [0.1.0] - 2026-12-01\n\n{kinds}"
 
 
-def test_nothing_is_released_where_nothing_has_changed():
+def test_release_without_changes_is_refused():
     released = RELEASE["with_section"](TEXT, "0.1.0", "2026-12-01")
     with pytest.raises(NotReadyError, match="nothing under 'Unreleased'"):
         RELEASE["with_section"](released, "0.1.1", "2026-12-02")
 
 
-def test_the_section_and_the_day_of_the_citation_are_committed_once(checkout):
+def test_changelog_section_and_citation_date_are_committed_once(checkout):
     RELEASE["prepare"]()
     RELEASE["prepare"]()
     assert git("log", "--format=%s").splitlines() == [f"Release {VERSION}", "Begin"]
@@ -104,26 +104,26 @@ def test_the_section_and_the_day_of_the_citation_are_committed_once(checkout):
     assert f"version: {VERSION}\ndate-released: {day}\n" in Path("CITATION.cff").read_text()
 
 
-def test_a_checkout_with_changes_is_not_released(checkout):
+def test_checkout_with_changes_is_not_released(checkout):
     (checkout / "notes.txt").touch()
     with pytest.raises(NotReadyError, match=r"notes\.txt"):
         RELEASE["prepare"]()
     assert f"[{VERSION}]" not in Path("CHANGELOG.md").read_text()
 
 
-def test_each_python_that_is_missing_is_named_before_anything_is_made(checkout):
-    said = refused("3.98", "3.99")
+def test_missing_pythons_are_named_before_anything_is_built(checkout):
+    said = refused_release("3.98", "3.99")
     for missing in ("python3.98", "python3.99"):
         assert f"make: {missing} does not start; install it (Debian, Ubuntu: apt install {missing})" in said
     assert "make release RELEASED='" in said
 
 
-def test_a_checkout_with_changes_is_not_released_and_no_environment_is_made_first(checkout):
+def test_checkout_with_changes_is_refused_before_environment_is_built(checkout):
     (checkout / "notes.txt").touch()
-    assert "make: commit or remove first:\n?? notes.txt" in refused()
+    assert "make: commit or remove first:\n?? notes.txt" in refused_release()
 
 
-def test_who_has_not_told_git_who_he_is_learns_it_before_a_file_is_changed(checkout, monkeypatch):
+def test_missing_git_identity_is_reported_before_a_file_is_changed(checkout, monkeypatch):
     for key in ("GIT_COMMITTER_NAME", "GIT_COMMITTER_EMAIL", "EMAIL"):
         monkeypatch.delenv(key, raising=False)
     monkeypatch.setenv("GIT_CONFIG_GLOBAL", os.devnull)
@@ -133,7 +133,7 @@ def test_who_has_not_told_git_who_he_is_learns_it_before_a_file_is_changed(check
     assert git("status", "--porcelain") == ""
 
 
-def test_what_was_mended_after_a_release_had_failed_belongs_into_its_section(checkout):
+def test_changes_after_failed_release_must_move_to_its_section(checkout):
     RELEASE["prepare"]()
     text = Path("CHANGELOG.md").read_text()
     Path("CHANGELOG.md").write_text(
@@ -144,7 +144,7 @@ def test_what_was_mended_after_a_release_had_failed_belongs_into_its_section(che
         RELEASE["prepare"]()
 
 
-def test_files_that_disagree_about_the_version_are_named(checkout):
+def test_files_with_other_version_are_named(checkout):
     text = Path("package.xml").read_text().replace(f"<version>{VERSION}<", "<version>9.9.9<")
     Path("package.xml").write_text(text)
     git("commit", "--quiet", "--all", "--message", "Forget a file")
@@ -152,7 +152,7 @@ def test_files_that_disagree_about_the_version_are_named(checkout):
         RELEASE["prepare"]()
 
 
-def test_the_tag_comes_when_all_files_are_there_and_then_the_version_is_released(checkout, tmp_path_factory):
+def test_tag_is_set_when_all_files_exist_and_only_once(checkout, tmp_path_factory):
     RELEASE["prepare"]()
     folder = tmp_path_factory.mktemp("dist")
     made(folder, "312")
@@ -165,7 +165,7 @@ def test_the_tag_comes_when_all_files_are_there_and_then_the_version_is_released
         RELEASE["prepare"]()
 
 
-def test_a_checkout_that_building_has_changed_gets_no_tag(checkout, tmp_path_factory):
+def test_checkout_changed_by_build_gets_no_tag(checkout, tmp_path_factory):
     folder = tmp_path_factory.mktemp("dist")
     made(folder)
     (checkout / "left.txt").touch()
@@ -175,7 +175,7 @@ def test_a_checkout_that_building_has_changed_gets_no_tag(checkout, tmp_path_fac
 
 
 @pytest.mark.costly
-def test_the_source_distribution_has_every_file_that_the_package_is_made_of(tmp_path):
+def test_source_distribution_has_every_package_file(tmp_path):
     clone(tmp_path / "repository")
     [line] = re.findall(
         r"^\t@SAR_KERNEL=python \$\(BIN\)/(uv build .*)$", Path("Makefile").read_text(), re.MULTILINE

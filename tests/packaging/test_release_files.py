@@ -1,4 +1,4 @@
-"""The files by which others install the project: a rosdistro entry, a conda recipe, a GitHub action, a dev container."""
+"""Tests of the files for other installation methods: rosdistro entry, conda recipe, GitHub action, dev container."""
 
 import json
 import os
@@ -24,7 +24,7 @@ else:
 PLACEHOLDER = re.compile(
     r"example\.(?:org|com|net)\b|\b(?:OWNER|REPOSITORY|TODO|FIXME|CHANGEME)\b|<your[ -]", re.ASCII
 )
-# Addresses in tests are nobody's on purpose, and hashes are chance.
+# Tests use invalid addresses on purpose, and hashes can match by chance.
 NOT_SEARCHED = (":!tests", ":!*.lock", ":!*-lock.json", ":!release/publication.toml")
 
 
@@ -36,7 +36,7 @@ def recipe():
     return yaml.safe_load(Path("release/recipe.yaml").read_text(encoding="utf-8"))
 
 
-def test_placeholders_stand_nowhere_but_where_one_file_declares_them():
+def test_all_placeholders_are_declared_in_one_file():
     declared = [entry["placeholder"] for entry in toml("release/publication.toml").values()]
     files = subprocess.run(
         ["git", "grep", "-lI", "", "--", ".", *NOT_SEARCHED],  # noqa: S607
@@ -56,7 +56,7 @@ def test_placeholders_stand_nowhere_but_where_one_file_declares_them():
     }
 
 
-def test_the_recipe_requires_what_the_project_requires():
+def test_recipe_has_requirements_of_project():
     project = toml("pyproject.toml")["project"]
     wanted = {
         (requirement.name.lower(), str(requirement.specifier))
@@ -67,7 +67,7 @@ def test_the_recipe_requires_what_the_project_requires():
     }
 
 
-def test_the_recipe_installs_the_commands_of_the_project():
+def test_recipe_installs_commands_of_project():
     project = toml("pyproject.toml")["project"]
     assert sorted(f"{name} = {where}" for name, where in project["scripts"].items()) == sorted(
         recipe()["build"]["python"]["entry_points"]
@@ -76,10 +76,10 @@ def test_the_recipe_installs_the_commands_of_the_project():
     assert (about["summary"], about["license"]) == (project["description"], project["license"]["text"])
 
 
-def test_the_entry_for_rosdistro_names_every_package_that_ros_builds():
+def test_rosdistro_entry_names_every_ros_package():
     entries = yaml.safe_load(Path("release/rosdistro.yaml").read_text(encoding="utf-8"))["repositories"]
     version = toml("pyproject.toml")["project"]["version"]
-    # What bloom finds in the repository, and in the one that is split off it.
+    # bloom finds these packages in this repository, and in the repository that is split off.
     found = {
         each.name for folder in (".", "interfaces/sar_interfaces") for each in find_packages(folder).values()
     }
@@ -90,7 +90,7 @@ def test_the_entry_for_rosdistro_names_every_package_that_ros_builds():
     assert entries["sar_compiler"]["source"]["version"] == "main"
 
 
-def test_the_dev_container_makes_the_environment_in_which_editors_look_for_python():
+def test_dev_container_builds_environment_with_readme_packages():
     container = json.loads(Path(".devcontainer/devcontainer.json").read_text(encoding="utf-8"))
     made = container["postCreateCommand"]
     assert make_targets_in(made) == {"env"}
@@ -103,7 +103,7 @@ def test_the_dev_container_makes_the_environment_in_which_editors_look_for_pytho
 
 @pytest.fixture
 def validate_step(tmp_path):
-    """Runs the step of the action that validates, as GitHub runs it, in a folder; returns its status, its output and its SARIF."""
+    """Return a function that runs the action's validation step in a folder, as GitHub does; it returns status, output and SARIF."""
     action = yaml.safe_load(Path("action.yml").read_text(encoding="utf-8"))
     [step] = [each for each in action["runs"]["steps"] if each.get("name") == "Validate"]
 
@@ -128,13 +128,13 @@ def validate_step(tmp_path):
     return run
 
 
-def a_tree(inside):
+def tree_with(inside):
     return f'<root BTCPP_format="4">\n<BehaviorTree ID="A">\n{inside}\n</BehaviorTree>\n</root>\n'
 
 
-def test_the_action_annotates_a_faulty_tree_and_fails(validate_step, tmp_path):
-    (tmp_path / "good.xml").write_text(a_tree("<AlwaysSuccess/>"), encoding="utf-8")
-    (tmp_path / "bad.xml").write_text(a_tree("<AlwaysSucces/>"), encoding="utf-8")
+def test_action_annotates_faulty_tree_and_fails(validate_step, tmp_path):
+    (tmp_path / "good.xml").write_text(tree_with("<AlwaysSuccess/>"), encoding="utf-8")
+    (tmp_path / "bad.xml").write_text(tree_with("<AlwaysSucces/>"), encoding="utf-8")
     status, printed, sarif = validate_step()
     assert status == 1
     [annotation] = [line for line in printed.splitlines() if line.startswith("::error ")]
@@ -143,15 +143,15 @@ def test_the_action_annotates_a_faulty_tree_and_fails(validate_step, tmp_path):
     assert (result["level"], result["ruleId"]) == ("error", "unknown-node")
 
 
-def test_the_action_passes_trees_without_findings(validate_step, tmp_path):
+def test_action_passes_trees_without_findings(validate_step, tmp_path):
     (tmp_path / "a folder").mkdir()
-    (tmp_path / "a folder" / "good.xml").write_text(a_tree("<AlwaysSuccess/>"), encoding="utf-8")
+    (tmp_path / "a folder" / "good.xml").write_text(tree_with("<AlwaysSuccess/>"), encoding="utf-8")
     status, _, sarif = validate_step(path="a folder", sarif="found.sarif")
     assert (status, sarif["runs"][0]["results"]) == (0, [])
 
 
-def test_the_action_hands_its_options_on(validate_step, tmp_path):
-    (tmp_path / "tree.xml").write_text(a_tree("<Sequence><AlwaysSuccess/></Sequence>"), encoding="utf-8")
+def test_action_passes_options_to_command(validate_step, tmp_path):
+    (tmp_path / "tree.xml").write_text(tree_with("<Sequence><AlwaysSuccess/></Sequence>"), encoding="utf-8")
     assert validate_step(options="--strict --model nav2:jazzy")[0] == 0
     status, _, sarif = validate_step(options="--no-such-option")
     assert (status, sarif) == (2, None)

@@ -1,4 +1,4 @@
-"""The package installed with pip into an environment of its own."""
+"""Tests of the package installed with pip into a separate environment."""
 
 import importlib.metadata
 import os
@@ -14,11 +14,11 @@ from tests.packaging.conftest import made_once
 from tests.packaging.test_workspace import files_below
 from tests.packaging.workspace import clone
 
-# To build the wheel takes 20 seconds, and the files that it has change seldom.
+# Building the wheel takes 20 seconds, and its list of files changes rarely.
 pytestmark = pytest.mark.costly
 
 
-def done(*command, **options):
+def run_successfully(*command, **options):
     """Run a command that must succeed; return what it printed."""
     run = subprocess.run(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False, **options
@@ -28,20 +28,22 @@ def done(*command, **options):
 
 
 def install(folder):
-    """Install the package, without what it depends on, into a new environment beside a clone."""
+    """Install the package without its dependencies into a new environment next to a clone."""
     clone(folder / "repository")
-    # Another pip than that of the tests would take longer to unpack than the package.
-    done(sys.executable, "-m", "venv", "--without-pip", folder / "environment")
+    # Installing another pip would take longer than installing the package.
+    run_successfully(sys.executable, "-m", "venv", "--without-pip", folder / "environment")
     pip = (sys.executable, "-m", "pip", "--python", folder / "environment" / "bin" / "python")
     options = ("--no-deps", "--disable-pip-version-check")
     variables = {**os.environ, "MYPYC_OPT_LEVEL": "0", "PIP_NO_COMPILE": "1"}
-    done(*pip, "wheel", *options, "--wheel-dir", folder / "wheel", folder / "repository", env=variables)
-    done(*pip, "install", *options, *(folder / "wheel").iterdir(), env=variables)
+    run_successfully(
+        *pip, "wheel", *options, "--wheel-dir", folder / "wheel", folder / "repository", env=variables
+    )
+    run_successfully(*pip, "install", *options, *(folder / "wheel").iterdir(), env=variables)
 
 
 @pytest.fixture(scope="session")
 def installed(tmp_path_factory):
-    """The folders of the clone and of the environment."""
+    """Return the folders of the clone and of the environment."""
     folder = made_once(tmp_path_factory, "wheel", install)
     return folder / "repository", folder / "environment"
 
@@ -51,7 +53,7 @@ def test_every_shipped_file_is_in_the_environment(installed):
     assert files_below(environment / "share" / "sar_compiler") == files_below(repository)
 
 
-def test_what_an_index_shows_of_it_has_no_link_that_leads_nowhere(installed):
+def test_description_on_index_has_only_absolute_links(installed):
     _, environment = installed
     (metadata,) = environment.rglob("sar_compiler-*.dist-info/METADATA")
     text = metadata.read_text(encoding="utf-8")
@@ -63,7 +65,7 @@ def test_what_an_index_shows_of_it_has_no_link_that_leads_nowhere(installed):
 
 
 @pytest.mark.parametrize("part", ["studio", "web"])
-def test_the_page_is_in_the_package(installed, part):
+def test_static_page_files_are_in_the_package(installed, part):
     repository, environment = installed
     (page,) = environment.rglob(f"{part}/static")
     assert {path.name for path in page.iterdir()} == {
@@ -81,29 +83,29 @@ def test_every_stylesheet_and_template_is_in_the_package(installed):
     assert sheets[0] == sheets[1]
 
 
-def test_the_ament_index_of_the_environment_has_the_package(installed):
+def test_ament_index_of_environment_has_the_package(installed):
     _, environment = installed
     index = environment / "share" / "ament_index" / "resource_index" / "packages"
     assert [path.name for path in index.iterdir()] == ["sar_compiler"]
     assert (environment / "share" / "sar_compiler" / "package.xml").is_file()
 
 
-def test_the_shipped_tree_is_shown_by_its_name_and_the_kernel_is_compiled(installed, tmp_path):
+def test_shipped_tree_is_shown_by_name_and_kernel_is_compiled(installed, tmp_path):
     _, environment = installed
-    # Only the libraries come from the environment of the tests.
+    # Only libraries come from the environment of the tests.
     variables = {**os.environ, "PYTHONPATH": sysconfig.get_path("purelib")}
-    printed = done(
+    printed = run_successfully(
         environment / "bin" / "sar-compile", "show", "search_and_rescue", cwd=tmp_path, env=variables
     )
     assert "MissionOrReturnToBase" in printed
-    version = done(environment / "bin" / "sar-compile", "--version", cwd=tmp_path, env=variables)
+    version = run_successfully(environment / "bin" / "sar-compile", "--version", cwd=tmp_path, env=variables)
     assert "kernel: compiled" in version
     root = "import sar_compiler.resources as r; print(r.shipped_root())"
-    printed = done(environment / "bin" / "python", "-c", root, cwd=tmp_path, env=variables)
+    printed = run_successfully(environment / "bin" / "python", "-c", root, cwd=tmp_path, env=variables)
     assert printed.strip() == str(environment / "share" / "sar_compiler")
 
 
-def test_the_wheel_has_at_most_3_megabytes(installed):
+def test_wheel_has_at_most_3_megabytes(installed):
     [wheel] = (installed[0].parent / "wheel").iterdir()
     assert wheel.stat().st_size <= 3_000_000
 
@@ -121,7 +123,7 @@ FOREIGN = """<root BTCPP_format="4">
 
 
 def required(names):
-    """Return the distributions that some need, with those that these need in turn, without extras."""
+    """Return some distributions with all their requirements, without extras."""
     found: dict[str, importlib.metadata.Distribution] = {}
     for name in names:
         distribution = importlib.metadata.distribution(name)
@@ -134,9 +136,7 @@ def required(names):
 @pytest.mark.parametrize(
     ("command", "said"), [("validate", "no findings"), ("show", "OpenDoor"), ("verify", "4 proved")]
 )
-def test_a_foreign_tree_is_checked_with_what_the_package_requires_and_nothing_else(
-    installed, tmp_path, command, said
-):
+def test_foreign_tree_is_checked_with_required_packages_only(installed, tmp_path, command, said):
     _, environment = installed
     (metadata,) = environment.rglob("sar_compiler-*.dist-info")
     needed = map(Requirement, importlib.metadata.Distribution.at(metadata).requires or ())
@@ -151,4 +151,6 @@ def test_a_foreign_tree_is_checked_with_what_the_package_requires_and_nothing_el
     tree = tmp_path / "fetch.xml"
     tree.write_text(FOREIGN, encoding="utf-8")
     variables = {**os.environ, "PYTHONPATH": str(libraries)}
-    assert said in done(environment / "bin" / "sar-compile", command, tree, cwd=tmp_path, env=variables)
+    assert said in run_successfully(
+        environment / "bin" / "sar-compile", command, tree, cwd=tmp_path, env=variables
+    )

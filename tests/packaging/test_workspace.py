@@ -1,4 +1,4 @@
-"""The repository in a ROS 2 workspace: colcon builds it, and it flies out of the install folder."""
+"""Tests of the repository in a ROS 2 workspace: colcon builds it, and it runs from the install folder."""
 
 import os
 from importlib.metadata import distribution
@@ -13,7 +13,7 @@ SHIPPED = ("config", "docs/findings", "examples", "launch", "maps", "rviz", "sch
 
 
 def files_below(folder, tops=SHIPPED):
-    """The files in these folders of a folder, as paths relative to it."""
+    """Return the files in some subfolders of a folder, as relative paths."""
     return {
         path.relative_to(folder).as_posix()
         for top in tops
@@ -22,12 +22,12 @@ def files_below(folder, tops=SHIPPED):
     }
 
 
-def test_both_packages_are_built_and_none_of_the_stand_ins(workspace):
+def test_both_packages_but_no_stand_ins_are_built(workspace):
     built = sorted(path.name for path in (workspace.path / "install").iterdir() if path.is_dir())
     assert built == ["sar_compiler", "sar_interfaces"]
 
 
-def test_every_command_stands_where_ros2_run_looks_for_it(workspace):
+def test_every_command_is_executable_in_the_folder_of_ros2_run(workspace):
     commands = distribution("sar_compiler").entry_points.select(group="console_scripts").names
     assert commands
     assert [name for name in commands if not os.access(workspace.executable(name), os.X_OK)] == []
@@ -40,7 +40,7 @@ def test_every_shipped_file_is_in_the_share_folder(workspace):
     assert files_below(workspace.share) == files_below(workspace.repository)
 
 
-def test_a_shell_that_has_sourced_it_runs_the_installed_code(workspace):
+def test_sourced_shell_runs_installed_code(workspace):
     where = workspace.evaluate(
         "import sar_compiler, sar_interfaces as i; print(sar_compiler.__file__, i.__file__)"
     )
@@ -50,7 +50,7 @@ def test_a_shell_that_has_sourced_it_runs_the_installed_code(workspace):
     ]
 
 
-def test_shipped_files_are_read_where_the_ament_index_finds_the_package(workspace):
+def test_shipped_files_are_read_from_share_folder_of_ament_index(workspace):
     indexed = workspace.evaluate(
         "from ament_index_python.packages import get_package_share_directory as share; print(share('sar_compiler'))"
     )
@@ -58,18 +58,18 @@ def test_shipped_files_are_read_where_the_ament_index_finds_the_package(workspac
     assert indexed == read == str(workspace.share)
 
 
-def test_the_shipped_tree_is_valid_and_shown_by_its_name(workspace):
+def test_shipped_tree_is_valid_and_shown_by_name(workspace):
     workspace.say("sar-compile", "validate", "search_and_rescue")
     assert "MissionOrReturnToBase" in workspace.say("sar-compile", "show", "search_and_rescue")
 
 
-def test_one_command_of_the_install_folder_flies_the_whole_mission(start):
+def test_one_installed_command_runs_the_whole_mission(start):
     run = start("sar-run", "--sim", "--speed", 20)
     assert run.end() == 0, run.output
     assert "Summary: the mission is complete." in run.output
 
 
-def test_four_processes_of_the_install_folder_fly_the_mission_together(start):
+def test_four_installed_processes_run_the_mission_together(start):
     start("sar-sim", "run", "--speed", 20)
     detection = start("sar-detect-survivor-server")
     reports = start("sar-report-survivor-server")
@@ -79,7 +79,7 @@ def test_four_processes_of_the_install_folder_fly_the_mission_together(start):
     assert "Report received: survivor_2 at (4.10, -2.50). Acknowledged." in reports.log
 
 
-def test_with_symlinks_a_change_in_the_source_folder_counts_at_once(tmp_path):
+def test_source_change_takes_effect_at_once_with_symlink_install(tmp_path):
     linked = Workspace(tmp_path / "workspace")
     linked.fill_and_build("--symlink-install", "--packages-select", "sar_compiler")
     tree = linked.repository / "trees" / "search_and_rescue.xml"

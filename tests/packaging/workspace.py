@@ -1,4 +1,4 @@
-"""A colcon workspace with a copy of the repository in it: made, built and sourced."""
+"""A colcon workspace with a copy of the repository: created, built and sourced."""
 
 import os
 import shutil
@@ -9,12 +9,12 @@ from pathlib import Path
 from tests.processes import BIN
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-# What a clone does not have, where there is no git to ask.
+# Files that a clone does not have, for a folder without git.
 _NOT_CLONED = shutil.ignore_patterns(".*", "build", "install", "log", "dist", "*.egg-info", "__pycache__")
 
 
 def _cloned_files():
-    """The files of the repository, as git knows them; None outside of git."""
+    """Return the files of the repository according to git; None without git."""
     listing = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"],  # noqa: S607
         cwd=REPOSITORY,
@@ -27,7 +27,7 @@ def _cloned_files():
 
 
 def clone(target):
-    """Copy what a clone of the repository would have, with what is not committed yet."""
+    """Copy the files of a clone of the repository, including uncommitted ones."""
     names = _cloned_files()
     if names is None:
         shutil.copytree(REPOSITORY, target, ignore=_NOT_CLONED)
@@ -41,7 +41,7 @@ class Workspace:
     """A colcon workspace whose only repository is a copy of this one.
 
     Args:
-        path: Its folder, which must not exist yet if it is to be filled and built.
+        path: Its folder, which must not exist before `fill_and_build`.
     """
 
     def __init__(self, path):
@@ -50,12 +50,12 @@ class Workspace:
         self.share = path / "install" / "sar_compiler" / "share" / "sar_compiler"
 
     def fill_and_build(self, *options):
-        """Copy the repository into it and build, as the documentation says, with ROS from the environment."""
+        """Copy the repository into the workspace and build it with ROS from the environment."""
         clone(self.repository)
         self.build(*options)
 
     def build(self, *options):
-        """Build; fail with what colcon said if it does not succeed."""
+        """Build; fail with the output of colcon if the build fails."""
         ros = {"AMENT_PREFIX_PATH": sys.prefix, "CMAKE_PREFIX_PATH": sys.prefix}
         done = subprocess.run(
             [
@@ -64,7 +64,7 @@ class Workspace:
                 "--cmake-args", f"-DPython3_EXECUTABLE={sys.executable}", "-DBUILD_TESTING=OFF",
             ],
             cwd=self.path,
-            # That the kernel is compiled in the course of a build is held by the tests of the wheel.
+            # The tests of the wheel check that a build compiles the kernel.
             env={**os.environ, **ros, "SAR_KERNEL": "python", "PATH": f"{BIN}{os.pathsep}{os.environ['PATH']}"},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -74,24 +74,24 @@ class Workspace:
         assert done.returncode == 0, done.stdout
 
     def executable(self, name):
-        """Where `ros2 run sar_compiler` finds a command."""
+        """Return the path at which `ros2 run sar_compiler` finds a command."""
         return self.path / "install" / "sar_compiler" / "lib" / "sar_compiler" / name
 
     def environment(self):
-        """The environment of a shell that has sourced the workspace."""
+        """Return the environment of a shell that has sourced the workspace."""
         printed = self._done(["bash", "-c", 'source "$0" && env -0', self.path / "install" / "setup.bash"])
         return dict(entry.split("=", 1) for entry in printed.split("\0") if entry)
 
     def say(self, name, *arguments):
-        """Run one of its commands in such a shell; return what it printed."""
+        """Run a command of the workspace in its environment; return the output."""
         return self._done([self.executable(name), *arguments], self.environment())
 
     def evaluate(self, statements):
-        """Run Python statements in such a shell; return what they printed."""
+        """Run Python statements in its environment; return their output."""
         return self._done([sys.executable, "-c", statements], self.environment()).strip()
 
     def _done(self, command, environment=None):
-        # Not in the checkout: Python would import from the current folder first.
+        # Not in the checkout, because Python imports from the current folder first.
         done = subprocess.run(
             command, cwd=self.path, env=environment, capture_output=True, text=True, check=False
         )

@@ -1,4 +1,4 @@
-"""The file that the graphical editor reads and writes."""
+"""Tests of the file that the graphical editor reads and writes."""
 
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,14 @@ TREE = document("<AlwaysSuccess/>")
 
 @pytest.fixture
 def path(tmp_path):
-    """A tree that the editor has loaded."""
+    """Return the path of a tree file."""
     path = tmp_path / "tree.xml"
     path.write_text(TREE)
     return path
 
 
 @pytest.mark.parametrize("kind", NO_FILES)
-def test_what_has_taken_the_place_of_the_file_is_not_read(path, kind):
+def test_pipe_or_device_in_place_of_the_file_is_not_read(path, kind):
     make, message = NO_FILES[kind]
     edited = EditedDocument(path)
     version = str(edited.load()["version"])
@@ -39,17 +39,17 @@ def test_what_has_taken_the_place_of_the_file_is_not_read(path, kind):
 
 
 @pytest.mark.parametrize("kind", NO_FILES)
-def test_an_included_file_that_cannot_be_read_is_a_finding(path, kind):
+def test_unreadable_included_file_is_a_finding(path, kind):
     make, message = NO_FILES[kind]
     make(str(path.with_name("part.xml")))
     text = TREE.replace("<BehaviorTree", '<include path="part.xml"/><BehaviorTree', 1)
     answer: Any = Studio(path).answer_question("look", {"text": text})
     [found] = answer["findings"]
-    # A link to a device leads out of the folder, which is refused first.
+    # A link to a device points outside the folder, which is refused first.
     assert found["code"] == "include-outside" if kind == "a device" else message in found["message"]
 
 
-def test_a_file_that_has_changed_is_not_overwritten_without_a_word(path):
+def test_changed_file_is_overwritten_only_on_request(path):
     edited = EditedDocument(path)
     version = str(edited.load()["version"])
     path.write_text(f"{TREE}\n")
@@ -59,7 +59,7 @@ def test_a_file_that_has_changed_is_not_overwritten_without_a_word(path):
     assert path.read_text() == "<root/>"
 
 
-def test_lines_that_end_with_crlf_do_so_again(path):
+def test_crlf_line_ends_are_preserved(path):
     path.write_bytes(TREE.replace("\n", "\r\n").encode())
     edited = EditedDocument(path)
     loaded = edited.load()
@@ -68,7 +68,7 @@ def test_lines_that_end_with_crlf_do_so_again(path):
     assert path.read_bytes() == TREE.replace("\n", "\r\n").encode()
 
 
-def test_a_name_beside_the_file_is_not_left_behind(path):
+def test_saving_leaves_no_temporary_file(path):
     edited = EditedDocument(path)
     edited.save_text(TREE, str(edited.load()["version"]))
     assert list(Path(path.parent).iterdir()) == [path]

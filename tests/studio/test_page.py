@@ -1,4 +1,4 @@
-"""The page of `sar-compile edit` in a browser: what is done on it is in the text, and in the file when it is saved."""
+"""Tests of the page of `sar-compile edit` in a browser: edits change the text, and the file after saving."""
 
 import random
 import shutil
@@ -39,7 +39,7 @@ def browser():
 
 @pytest.fixture(params=["search_and_rescue.xml", "search_and_rescue.yaml"])
 def page(request, browser, tmp_path):
-    """The editor of a copy of a shipped tree, open in the browser."""
+    """Open the editor with a copy of a shipped tree in the browser."""
     path = Path(shutil.copy(SHIPPED / request.param, tmp_path))
     with closing(AppServer(partial(edit_app, Studio(path)), 0)) as server:
         server.start()
@@ -96,7 +96,7 @@ class EditorPage:
         return [each.attributes.get("name", each.tag) for each in read_tree_file(self.path).root.iterate()]
 
 
-def test_what_is_dragged_is_moved_in_the_text_and_saved_and_undo_leads_back_to_the_first_byte(page):
+def test_dragged_node_is_moved_saved_and_restored_by_undo(page):
     first = page.text
     assert first.encode() == page.before
     page.drag("AdvanceZone", "NavigateToZone", 0, -9)
@@ -113,7 +113,7 @@ def test_what_is_dragged_is_moved_in_the_text_and_saved_and_undo_leads_back_to_t
 
 
 @pytest.mark.parametrize("size", [(1400, 900), (820, 700)])
-def test_the_drawing_stays_under_the_pointer_and_a_node_is_dropped_where_it_is_marked(page, size):
+def test_drawing_stays_still_during_drag_and_node_drops_at_mark(page, size):
     from selenium.webdriver import ActionChains
 
     page.browser.size(*size)
@@ -134,7 +134,7 @@ def test_the_drawing_stays_under_the_pointer_and_a_node_is_dropped_where_it_is_m
     page.wait_for_text(lambda text: text == first, "the first text")
 
 
-def test_the_keyboard_alone_selects_moves_duplicates_and_deletes(page):
+def test_keyboard_selects_moves_duplicates_and_deletes(page):
     from selenium.webdriver import Keys
 
     first = page.text
@@ -165,7 +165,7 @@ def test_the_keyboard_alone_selects_moves_duplicates_and_deletes(page):
     page.wait_for_text(lambda text: text == first, "the first text")
 
 
-def test_a_mistake_in_the_text_leaves_the_drawing_and_is_repaired_by_a_click(page):
+def test_text_error_keeps_drawing_and_is_fixed_by_click(page):
     first = page.text
     page.browser.js("window.studio.replace('AdvanceZone', 'AdvnceZone')")
     page.browser.wait_for("#findings", "there is no node 'AdvnceZone'")
@@ -179,7 +179,7 @@ def test_a_mistake_in_the_text_leaves_the_drawing_and_is_repaired_by_a_click(pag
     assert page.node("AdvanceZone")
 
 
-def test_a_node_from_the_palette_and_an_attribute_in_its_form_are_in_the_text(page):
+def test_palette_node_and_form_attribute_are_saved(page):
     page.choose("NavigateToZone")
     page.browser.js(
         "const search = document.querySelector('#search'); search.value = 'Inverter';"
@@ -197,7 +197,7 @@ def test_a_node_from_the_palette_and_an_attribute_in_its_form_are_in_the_text(pa
     assert 'Not "there"' in page.names()
 
 
-def test_the_next_field_keeps_the_focus_when_the_form_shows_an_edited_attribute(page):
+def test_next_field_keeps_focus_after_attribute_edit(page):
     from selenium.webdriver import Keys
 
     page.choose("Patrol")
@@ -207,7 +207,7 @@ def test_the_next_field_keeps_the_focus_when_the_form_shows_an_edited_attribute(
     assert page.browser.js("return document.activeElement.name") == "memory"
 
 
-def test_a_counterexample_walks_over_the_drawing_and_selects_its_leaf(page):
+def test_counterexample_steps_select_their_leaf(page):
     page.browser.click("#verify")
     page.browser.wait_for("#verdicts", "does not hold")
     page.browser.js("document.querySelector('#verdicts button').click()")
@@ -217,7 +217,7 @@ def test_a_counterexample_walks_over_the_drawing_and_selects_its_leaf(page):
     page.browser.wait_for("#step", "tick 1: NavigateToZone")
 
 
-def test_a_file_that_another_program_has_changed_is_not_overwritten_without_a_question(page):
+def test_file_changed_by_other_program_is_overwritten_only_after_question(page):
     page.browser.js("window.studio.replace('AdvanceZone', 'AlwaysSuccess')")
     page.path.write_bytes(page.before + b"\n")
     page.browser.js("document.querySelector('#save').disabled = false")
@@ -230,7 +230,7 @@ def test_a_file_that_another_program_has_changed_is_not_overwritten_without_a_qu
 
 
 @pytest.mark.parametrize("page", ["search_and_rescue.xml"], indirect=True)
-def test_a_slow_save_is_not_taken_for_a_change_by_another_program(page, monkeypatch):
+def test_slow_save_is_not_mistaken_for_change_by_other_program(page, monkeypatch):
     is_late = threading.Event()
 
     def write_slowly(path, data):
@@ -240,7 +240,7 @@ def test_a_slow_save_is_not_taken_for_a_change_by_another_program(page, monkeypa
     monkeypatch.setattr(edited_document, "write_bytes", write_slowly)
     page.browser.js("window.studio.replace('AdvanceZone', 'AlwaysSuccess')")
     page.browser.click("#save")
-    # The page's own timer, which has it compare the file, has the same period.
+    # The page's timer that compares the file has the same period.
     page.browser.js("window.periods = 0; setInterval(() => { window.periods += 1; }, 2000)")
     page.browser.wait(lambda: page.browser.js("return window.periods") > 1, "two periods")
     is_late.set()
@@ -255,10 +255,10 @@ COUNTER = (
     '<Sequence><Script code="n := 0"/><KeepRunningUntilFailure><Sequence><NavigateToZone/><Script code="n += 1"/>'
     '<ScriptCondition code="n &lt; 1000000000"/></Sequence></KeepRunningUntilFailure></Sequence>'
 )
-"""A tree with more states than any search explores."""
+"""A tree with more states than a search can explore."""
 
 
-def test_a_proof_shows_its_progress_and_is_stopped(page):
+def test_proof_shows_progress_and_can_be_stopped(page):
     page.browser.js(REPLACE_ALL, document(COUNTER))
     if page.path.suffix == ".yaml":
         return
@@ -271,7 +271,7 @@ def test_a_proof_shows_its_progress_and_is_stopped(page):
     page.browser.wait_for("#verdicts", "not decided")
 
 
-def test_a_run_is_played_with_its_facts_and_saved_as_a_scenario(page):
+def test_run_is_played_with_facts_and_saved_as_scenario(page):
     page.browser.click("#play")
     page.browser.wait_for("#state", "6 ticks")
     page.browser.wait_for("#values", "zones_left")
@@ -282,19 +282,19 @@ def test_a_run_is_played_with_its_facts_and_saved_as_a_scenario(page):
 
 
 @pytest.mark.parametrize("page", ["search_and_rescue.xml"], indirect=True)
-def test_a_leaf_may_be_named_as_a_property_of_every_object(page):
+def test_leaf_can_have_name_of_a_javascript_property(page):
     page.browser.js(REPLACE_ALL, document('<AlwaysSuccess name="constructor"/>'))
     page.browser.wait(lambda: page.node("constructor"), "the leaf")
     page.choose("constructor")
     assert page.browser.js("return document.querySelector('#scripted input').value") == ""
 
 
-def test_a_prediction_is_shown(page):
+def test_prediction_is_shown(page):
     page.browser.click("#predict")
     page.browser.wait_for("#prediction", "success:")
 
 
-def test_a_folded_node_hides_its_children_through_edits_and_a_hidden_leaf_marks_the_fold(page):
+def test_folded_node_stays_folded_through_edits(page):
     page.choose("Patrol")
     count = len(page.browser.js("return document.querySelector('tree-drawing').nodes"))
     page.press(" ")
@@ -309,7 +309,7 @@ def test_a_folded_node_hides_its_children_through_edits_and_a_hidden_leaf_marks_
     page.browser.wait(lambda: page.node("AdvanceZone"), "a leaf")
 
 
-def test_a_node_is_found_and_a_key_shows_who_writes_and_reads_it(page):
+def test_node_is_found_and_key_marks_its_writers_and_readers(page):
     page.browser.type("#find", "advance", "\ue007")
     page.browser.wait_for("#chosen", "AdvanceZone")
     if page.path.suffix == ".yaml":
@@ -324,7 +324,7 @@ def test_a_node_is_found_and_a_key_shows_who_writes_and_reads_it(page):
     assert len(page.browser.js("return document.querySelectorAll('g.node.reads')")) >= 2
 
 
-def test_axe_finds_nothing_wrong_with_the_page(page, axe):
+def test_page_has_no_accessibility_violations(page, axe):
     page.choose("NavigateToZone")
     page.browser.click("#verify")
     page.browser.wait_for("#verdicts", "does not hold")
@@ -339,7 +339,7 @@ HOSTILE = [
     "</text></svg><script>hacked()</script>", "&lt;script&gt;", "'-hacked()-'", "<a href='javascript:hacked()'>", "]]><script>hacked()</script>",
 ]  # fmt: skip
 REPLACE_ALL = "window.studio.replace(window.studio.text(), arguments[0])"
-ALIVE = """
+ACTIVE_CONTENT = """
 const found = [...document.querySelectorAll('*')].filter((each) => [...each.attributes].some(({ name, value }) => /^on/i.test(name) || /javascript:/i.test(/^(href|src|xlink:href|action)$/.test(name) ? value : '')));
 const drawn = [...document.querySelectorAll('tree-drawing *')].filter((each) => !/^(svg|g|path|rect|text|title)$/.test(each.localName));
 return [...found, ...drawn, ...document.querySelectorAll('script:not([src="studio.js"]), iframe, object, embed, img, a')].map((each) => each.outerHTML);
@@ -347,7 +347,7 @@ return [...found, ...drawn, ...document.querySelectorAll('script:not([src="studi
 
 
 def hostile_tree(rng):
-    """A tree with markup and scripts in names, values, keys and comments."""
+    """Return a tree with markup and scripts in names, values, keys and comments."""
 
     def attribute():
         name = rng.choice(["name", "ID", "onload", "code", "_skipIf", "href", "xlink", "style", "value"])
@@ -377,7 +377,7 @@ def hostile_tree(rng):
 
 
 @pytest.mark.parametrize("page", ["search_and_rescue.xml"], indirect=True)
-def test_nothing_in_a_hostile_tree_is_alive_on_the_page(page):
+def test_hostile_tree_runs_no_script_on_the_page(page):
     rng = random.Random(3)  # noqa: S311 - a test
     page.browser.js("window.hacked = () => { window.isHacked = true }")
     for _ in range(rounds(20)):
@@ -387,5 +387,5 @@ def test_nothing_in_a_hostile_tree_is_alive_on_the_page(page):
             page.browser.js(
                 f"const node = document.querySelector('tree-drawing').{choose}; node?.dispatchEvent(new MouseEvent('click', {{bubbles: true}}))"
             )
-        assert page.browser.js(ALIVE) == []
+        assert page.browser.js(ACTIVE_CONTENT) == []
     assert page.browser.js("return window.isHacked") is None

@@ -1,4 +1,4 @@
-"""The answers to the page's questions, and the file behind the page."""
+"""Tests of the responses to the page's requests, and of the edited file."""
 
 import http.client
 import json
@@ -29,12 +29,12 @@ def ask(question, text=TEXT, **values) -> Any:
 
 
 def names_in(drawing):
-    """The names in a drawing, in the order of its nodes; a title is the location, the tag, the name and the attributes."""
+    """Return the names in a drawing, in the order of its nodes. A title has location, tag, name and attributes."""
     titles = [part.partition("</title>")[0] for part in drawing.split('<g class="node ')[1:]]
     return [title.partition("&gt; ")[2].split(" ")[0] for title in titles]
 
 
-def test_a_typo_is_found_where_it_is_with_its_fix_in_the_units_of_the_browser():
+def test_typo_and_fix_are_located_in_utf_16_units():
     wide = TEXT.replace("Search and rescue:", "\U0001f600:", 1).replace("<AdvanceZone", "<AdvnceZone")
     [finding] = ask("look", wide)["findings"]
     units = wide.encode("utf-16-le")
@@ -42,17 +42,17 @@ def test_a_typo_is_found_where_it_is_with_its_fix_in_the_units_of_the_browser():
     assert finding["fix"] == {"from": finding["from"] + 1, "to": finding["to"], "insert": "AdvanceZone"}
 
 
-def test_of_a_text_that_cannot_be_parsed_there_are_findings_and_no_drawing():
+def test_malformed_text_has_findings_and_no_drawing():
     looked = ask("look", TEXT[:500])
     assert (looked.keys(), looked["findings"][0]["code"]) == ({"findings"}, "malformed-xml")
 
 
-def test_of_a_file_without_a_tree_a_finding_says_why_there_is_no_drawing():
+def test_file_without_tree_has_finding_and_no_drawing():
     looked = ask("look", '<root BTCPP_format="4"><TreeNodesModel/></root>')
     assert ("svg" in looked, [each["code"] for each in looked["findings"]]) == (False, ["no-tree"])
 
 
-def test_each_node_of_the_drawing_has_the_number_of_its_element():
+def test_each_drawn_node_has_number_of_its_element():
     looked = ask("look")
     named = [looked["elements"][number]["attributes"] for number in looked["nodes"]]
     names = names_in(looked["svg"])
@@ -61,7 +61,7 @@ def test_each_node_of_the_drawing_has_the_number_of_its_element():
     ]
 
 
-def test_each_event_of_a_run_leads_to_its_leaf_in_the_drawing_whatever_is_put_around_it():
+def test_each_event_of_run_points_to_its_leaf_in_drawing():
     names = names_in(ask("look")["svg"])
     runs = [each["run"] for each in ask("verify")["verdicts"] if each["run"]]
     events = [event for run in (*runs, ask("play")) for tick in run["ticks"] for event in tick["events"]]
@@ -70,24 +70,24 @@ def test_each_event_of_a_run_leads_to_its_leaf_in_the_drawing_whatever_is_put_ar
     assert {"success", "failure", "running", "halted"} == {event["status"] for event in events}
 
 
-def test_a_run_that_goes_on_for_ever_says_which_ticks_come_again():
+def test_endless_run_names_its_repeated_ticks():
     [endless] = [each for each in ask("verify")["verdicts"] if each["question"] == "every run ends"]
     assert (endless["verdict"], endless["loop"], len(endless["run"]["ticks"])) == ("does not hold", 2, 3)
 
 
-def test_in_a_browser_for_which_there_is_no_lxml_the_rules_speak_without_the_schema(monkeypatch):
+def test_rules_run_without_schema_in_browser_without_lxml(monkeypatch):
     monkeypatch.setitem(sys.modules, "sar_compiler.checks.schema_validation", None)
     monkeypatch.setattr(sys, "platform", "emscripten")
     assert ask("look")["findings"] == []
 
 
-def test_elsewhere_a_schema_that_cannot_be_asked_is_no_clean_file(monkeypatch):
+def test_missing_schema_validation_raises_outside_browser(monkeypatch):
     monkeypatch.setitem(sys.modules, "sar_compiler.checks.schema_validation", None)
     with pytest.raises(ImportError):
         ask("look", TEXT.replace("<root ", '<root _note="a&#10;b" '))
 
 
-def test_a_folded_element_is_drawn_without_its_children_and_the_others_keep_their_numbers():
+def test_folded_element_is_drawn_without_children_and_numbers_stay():
     whole = ask("look")
     patrol = next(each for each in whole["elements"] if each["attributes"].get("name") == "Patrol")
     looked = ask("look", folded=[patrol["from"]])
@@ -100,32 +100,32 @@ def test_a_folded_element_is_drawn_without_its_children_and_the_others_keep_thei
     assert [whole["nodes"][place] for place in looked["places"]] == looked["nodes"]
 
 
-def test_a_folded_element_with_a_condition_is_itself_drawn():
+def test_folded_element_with_condition_is_drawn():
     text = document('<Sequence _skipIf="false"><AlwaysSuccess/></Sequence>')
     folded = ask("look", text)["elements"][2]["from"]
     assert names_in(ask("look", text, folded=[folded])["svg"])[-1] == "Sequence"
 
 
-def test_a_key_is_listed_with_the_elements_that_write_and_read_it():
+def test_key_is_listed_with_its_writers_and_readers():
     text = document('<Script code="a := 1"/><Fallback _skipIf="a == 2"><AlwaysSuccess/></Fallback>')
     looked = ask("look", text)
     users = [(looked["elements"][number]["tag"], kind) for number, kind in looked["keys"]["a"]]
     assert users == [("Script", "write"), ("Fallback", "read")]
 
 
-def test_the_drawing_is_exported_with_its_style():
+def test_drawing_is_exported_with_its_style():
     exported = ask("export")
     assert exported["name"] == "SearchAndRescue.svg"
     assert "<style>" in exported["text"]
 
 
-def test_facts_and_keys_are_shown_after_each_tick_with_the_changed_ones():
+def test_facts_and_keys_are_reported_after_each_tick_with_changes():
     [first, *_, last] = ask("play", ticks=3)["ticks"]
     assert (first["values"]["zones_left"], last["values"]["zones_left"]) == ("2", "0")
     assert "zones_left" in first["changed"]
 
 
-def test_a_played_run_is_saved_as_a_scenario_that_holds(tmp_path):
+def test_played_run_is_saved_as_passing_scenario(tmp_path):
     path = Path(shutil.copy(SHIPPED, tmp_path))
     studio = Studio(path)
     studio.answer_question(
@@ -139,7 +139,7 @@ def test_a_played_run_is_saved_as_a_scenario_that_holds(tmp_path):
     assert "does not end with .yaml" in str(studio.answer_question("record", {"name": "other.xml"}))
 
 
-def test_a_proof_says_how_many_states_it_has_found_and_is_stopped():
+def test_proof_reports_number_of_states_and_can_be_stopped():
     seen: list[int] = []
     text = document(f"<Sequence>{'<NavigateToZone/><DetectSurvivor/>' * 40}</Sequence>")
 
@@ -154,18 +154,18 @@ def test_a_proof_says_how_many_states_it_has_found_and_is_stopped():
     assert {each["verdict"] for each in proof["verdicts"]} == {"not decided"}
 
 
-def test_a_prediction_names_the_probability_of_success():
+def test_prediction_names_probability_of_success():
     assert "success:" in ask("predict")["text"]
 
 
-def test_where_there_is_no_numpy_a_prediction_says_what_to_do(monkeypatch):
+def test_prediction_without_numpy_names_the_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "sar_compiler.analysis.prediction_view", None)
     assert "run sar-compile predict" in ask("predict")["error"]
 
 
 @pytest.fixture
 def project(tmp_path):
-    """A file with an included one in a folder, and its studio."""
+    """Return the studio of a file that includes another file, and the text of the file."""
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts/leave.xml").write_text(document("<AlwaysSuccess/>", main="Leave"))
     main = tmp_path / "main.xml"
@@ -176,7 +176,7 @@ def project(tmp_path):
     return Studio(main), text
 
 
-def test_the_files_of_a_project_are_opened_by_the_names_that_were_listed(project):
+def test_only_listed_project_files_can_be_opened(project):
     studio, text = project
     looked: Any = studio.answer_question("look", {"text": text})
     assert looked["files"] == ["main.xml", "parts/leave.xml"]
@@ -187,7 +187,7 @@ def test_the_files_of_a_project_are_opened_by_the_names_that_were_listed(project
     }
 
 
-def test_an_included_file_that_changes_is_read_again(project, tmp_path):
+def test_changed_included_file_is_read_again(project, tmp_path):
     studio, text = project
     version = studio.document.load()["version"]
     assert studio.answer_question("look", {"text": text})["findings"] == []
@@ -203,17 +203,17 @@ def test_an_included_file_that_changes_is_read_again(project, tmp_path):
     ]
 
 
-def test_a_leaf_has_the_outcomes_that_are_chosen_for_it():
+def test_leaf_returns_chosen_outcomes():
     [first, *_] = ask("play", leaves={"NavigateToZone": ["aborted"]}, ticks=1)["ticks"]
     assert ("NavigateToZone", "aborted") in {(each["leaf"], each["does"]) for each in first["events"]}
 
 
-def test_a_tree_is_renamed_wherever_the_file_names_it():
+def test_tree_is_renamed_everywhere_in_file():
     edits = ask("rename", element=1, name="Other")["edits"]
     assert [each["insert"] for each in edits] == ["Other"] * TEXT.count('"SearchAndRescue"')
 
 
-def test_a_tree_is_renamed_whatever_is_in_front_of_its_name():
+def test_tree_is_renamed_after_wide_characters_and_similar_text():
     text = document('<SubTree name="\U0001f600 ID of I" ID="I"/>').replace(
         "</root>", '<BehaviorTree ID="I"><AlwaysSuccess/></BehaviorTree></root>'
     )
@@ -224,7 +224,7 @@ def test_a_tree_is_renamed_whatever_is_in_front_of_its_name():
     ] * 2
 
 
-def test_a_tree_that_is_given_its_own_name_is_not_edited():
+def test_renaming_tree_to_its_own_name_makes_no_edit():
     assert ask("rename", element=1, name="SearchAndRescue") == {"edits": []}
 
 
@@ -237,12 +237,12 @@ def test_a_tree_that_is_given_its_own_name_is_not_edited():
         ("rename", {"element": 0, "name": "A"}, "does not name a tree"),
     ],
 )
-def test_a_question_without_an_answer_says_why(question, values, error):
+def test_invalid_request_returns_an_error(question, values, error):
     assert error in ask(question, **{"text": TEXT, **values})["error"]
 
 
 @pytest.mark.parametrize("name", ["new.xml", "new.yaml"])
-def test_a_new_file_has_an_empty_tree_that_can_be_filled(tmp_path, name):
+def test_new_file_has_an_empty_tree(tmp_path, name):
     path = tmp_path / name
     create_document(path)
     text = path.read_text()
@@ -256,7 +256,7 @@ def test_a_new_file_has_an_empty_tree_that_can_be_filled(tmp_path, name):
         create_document(tmp_path / "new.txt")
 
 
-def test_a_file_that_names_a_tree_of_another_file_shows_its_own_first_tree(tmp_path):
+def test_file_with_main_tree_of_another_file_shows_its_first_tree(tmp_path):
     (tmp_path / "main.xml").write_text(document("<AlwaysSuccess/>", main="Main"))
     path = tmp_path / "part.xml"
     text = '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Part"><AlwaysSuccess/></BehaviorTree></root>'
@@ -273,14 +273,14 @@ def edited(tmp_path):
 @pytest.mark.parametrize(
     "data", [TEXT.replace("\n", "\r\n").encode("utf-8-sig"), TEXT.replace("\n", "\r\n", 3).encode()]
 )
-def test_a_file_that_is_saved_unchanged_has_the_same_bytes(edited, data):
+def test_saving_unchanged_file_keeps_its_bytes(edited, data):
     edited.path.write_bytes(data)
     opened = edited.load()
     edited.save_text(opened["text"], opened["version"])
     assert edited.path.read_bytes() == data
 
 
-def test_a_file_that_has_changed_meanwhile_is_overwritten_only_if_that_is_wanted(edited):
+def test_file_changed_meanwhile_is_overwritten_only_on_request(edited):
     opened = edited.load()
     edited.path.write_bytes(b"<root/>")
     assert edited.is_changed(opened["version"])
@@ -299,7 +299,7 @@ def test_a_file_that_has_changed_meanwhile_is_overwritten_only_if_that_is_wanted
         ({"Origin": "http://example.org"}, 403),
     ],
 )
-def test_only_the_page_with_its_token_reads_the_file(edited, headers, status):
+def test_only_page_with_token_reads_the_file(edited, headers, status):
     with closing(AppServer(partial(edit_app, Studio(edited.path)), 0)) as server:
         server.start()
         connection = http.client.HTTPConnection("127.0.0.1", server.port)
@@ -333,7 +333,7 @@ console.log(JSON.stringify([
 """
 
 
-def test_a_dropped_node_one_that_is_moved_by_a_key_and_one_that_results_have_their_place():
+def test_places_of_dropped_key_moved_and_resulting_nodes():
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node here (apt install nodejs)")

@@ -1,1 +1,1 @@
-"""Stands in for py_trees_ros, which is not on PyPI: the published interface, and nothing else."""
+"""A stand-in for py_trees_ros, which is not on PyPI, with the published interface only."""

@@ -17,7 +17,7 @@ PARAMETERS = {
 
 
 class BehaviourTree(Base):
-    """Ticks on a timer of its node, declares its parameters there, and takes the node down with it."""
+    """Ticks on a timer of its node, declares its parameters there, and destroys the node on shutdown."""
 
     def __init__(self, root, unicode_tree_debug=False):
         super().__init__(root)

@@ -1,1 +1,1 @@
-"""What this project uses of `ros2cli`, which is not on PyPI."""
+"""A stand-in for the used part of `ros2cli`, which is not on PyPI."""

@@ -1,1 +1,1 @@
-"""What this project uses of `ros2doctor`, which is not on PyPI."""
+"""A stand-in for the used part of `ros2doctor`, which is not on PyPI."""

@@ -2,11 +2,11 @@
 
 
 class DoctorCheck:
-    """What looks for trouble."""
+    """A check that finds problems."""
 
 
 class DoctorReport:
-    """What tells how things are."""
+    """A report about the system."""
 
 
 class Report:
@@ -21,7 +21,7 @@ class Report:
 
 
 class Result:
-    """How often something was wrong."""
+    """The number of errors and warnings."""
 
     def __init__(self) -> None:
         self.error = 0
