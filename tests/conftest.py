@@ -1,4 +1,4 @@
-"""What every test shares: a ROS domain of its own for each test process, signals as a terminal has them, and what coverage is measured of."""
+"""Configuration of all tests: a separate ROS domain for each test process, default signals, and the scope of coverage."""
 
 import fcntl
 import gc
@@ -21,46 +21,46 @@ from tests import warm
 from tests.chance import rounds
 from tests.costs import CostOfTests
 
-# Ports of higher domains are among those that Linux gives to anybody.
+# Ports of higher domains are in the range of ephemeral ports of Linux.
 _DOMAINS = 100
 
 
 def _take_domain():
-    """Return a domain that no other test process of this machine has, and its lock, which ends with the process."""
+    """Return a domain that no other test process of this machine uses, and its lock, which ends with the process."""
     for number in range(_DOMAINS):
-        # The workers of one run begin at different ones, and none where a process that ended now was.
+        # Workers of one run start at different domains, and not at the domain of a process that has just ended.
         domain = 1 + (os.getpid() + number) % _DOMAINS
-        # The lock that sweeps of simulated missions take: their flights stay out of the tests' domains.
+        # Sweeps of simulated missions use the same lock, so their runs stay out of the domains of tests.
         path = Path(tempfile.gettempdir()) / f"sar_sim_domain_{domain}.lock"
         try:
             file = path.open("a")
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:  # taken, or somebody else's file
+        except OSError:  # in use, or a file of another user
             continue
         return domain, file
     message = f"all {_DOMAINS} ROS domains are taken by test processes of this machine"
     raise RuntimeError(message)
 
 
-# conftest.py is imported before anything imports rclpy. LOCALHOST keeps it from listening on every interface.
+# conftest.py is imported before any import of rclpy. LOCALHOST prevents listening on every interface.
 _domain, _lock = _take_domain()
 os.environ["ROS_DOMAIN_ID"] = str(_domain)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 subprocess.Popen = warm.Popen  # type: ignore[misc]
 
-# The journals of missions that tests start otherwise than by `tests.processes`.
+# For journals of missions that tests start without `tests.processes`.
 _state = tempfile.TemporaryDirectory(prefix="state_of_tests")
 os.environ["XDG_STATE_HOME"] = _state.name
 os.environ["XDG_CACHE_HOME"] = f"{_state.name}/cache"
 
-# How long an example takes depends on the machine, which is no property of the code.
+# The duration of an example depends on the machine, so there is no deadline.
 settings.register_profile(
     "untimed", max_examples=rounds(25), deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("untimed")
 
-# Folders whose tests are about other things than the rooms that coverage is measured of.
+# Folders whose tests are not about the packages whose coverage is measured.
 _ELSEWHERE = (
     "agent",
     "cli",
@@ -77,13 +77,13 @@ _ELSEWHERE = (
     "views",
 )
 
-# Folders whose tests build, fly, or wait for others; what takes longest stands first.
+# Folders whose tests build, run missions, or wait for other processes; the slowest first.
 _LONG = ("packaging", "e2e", "examples", "faults", "web", "project", "launch")
 
-# What traces the tests, and their threads, where coverage is measured.
+# The trace functions of tests and their threads while coverage is measured.
 _TRACERS = pytest.StashKey[tuple[Any, Any]]()
 
-# Under nohup, or in the background of a script, they are ignored, and what the tests start would inherit that.
+# Under nohup or in the background of a script these signals are ignored, and processes of tests would inherit that.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -94,17 +94,17 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """Measure what tests cost, if that is wanted."""
+    """Measure the cost of tests if `--costs` is given."""
     if path := config.getoption("costs"):
         config.pluginmanager.register(CostOfTests(path, is_worker=hasattr(config, "workerinput")))
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection(session):
-    """Look for the tests without measuring coverage: every worker does, and it takes twice the time.
+    """Collect the tests without measuring coverage, which would take twice the time in every worker.
 
-    What is run where a module of the package is imported is measured, by one of them: all are imported before. What
-    is found stays, so the garbage collector would look at it in vain, now and in every later test.
+    One worker measures the import of all modules of the package before. The collected tests stay in memory, so the
+    garbage collector would scan them in vain.
     """
     gc.disable()
     try:
@@ -120,7 +120,7 @@ def pytest_collection(session):
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtestloop(session):
-    """Measure coverage of tests and of their fixtures alone: pytest itself takes three times as long with it."""
+    """Measure coverage only in tests and fixtures, because pytest itself takes three times as long with it."""
     if _is_all_measured(session.config):
         return (yield)
     session.config.stash[_TRACERS] = sys.gettrace(), threading.gettrace()
@@ -130,7 +130,7 @@ def pytest_runtestloop(session):
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark the tests whose inputs are random, of which `make soak` tries more; have the long ones begin first."""
+    """Mark the tests with random inputs, of which `make soak` tries more; start the long tests first."""
     for item in items:
         names = dir(getattr(item, "module", None))
         if is_hypothesis_test(getattr(item, "obj", None)) or "rounds" in names or "TIMES" in names:
@@ -141,10 +141,10 @@ def pytest_collection_modifyitems(items):
 
 
 def _dealt(items, workers):
-    """Return tests in an order in which workers that are given equal stretches of it begin with as many long ones each.
+    """Return tests in an order in which workers, which get equal parts of it, start with the same number of long tests.
 
-    What is left for the end, when one worker takes over what another has not begun, are short ones; and long ones stay
-    together with those of their module, with which they may share a run.
+    Short tests are last, when workers take tests from each other. The long tests of a module stay together, because
+    they may share a run.
     """
     long = [[item for item in items if _folder(item) == folder] for folder in _LONG]
     modules = [list(same) for each in long for _, same in itertools.groupby(each, key=lambda item: item.path)]
@@ -166,14 +166,14 @@ def pytest_pyfunc_call(pyfuncitem):
 
 @pytest.hookimpl(wrapper=True, trylast=True)
 def pytest_fixture_setup(fixturedef, request):
-    """Measure coverage of a fixture that is ours."""
+    """Measure coverage of a fixture of this project."""
     with _measured(request._pyfuncitem) if fixturedef.baseid.startswith("tests") else nullcontext():
         return (yield)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_teardown():
-    """Hold that variables which Python reads at its start are as before: with others no command is forked any more."""
+    """Check that a test restores the variables that Python reads at its start; otherwise commands are no longer forked."""
     yield
     left = warm.read_at_start(os.environ)
     for name in left.keys() - warm.AT_START.keys():
@@ -184,7 +184,7 @@ def pytest_runtest_teardown():
 
 @contextmanager
 def _traced_by(tracer, of_threads):
-    """Have a function that traces this thread, and one that traces those that begin meanwhile."""
+    """Set the trace functions of this thread and of threads that start meanwhile."""
     former = sys.gettrace(), threading.gettrace()
     sys.settrace(tracer)
     threading.settrace(of_threads)
@@ -196,18 +196,18 @@ def _traced_by(tracer, of_threads):
 
 
 def _measured(item):
-    """Have coverage measured of inputs that somebody chose: with it random ones take twice the time, and cover by luck."""
+    """Measure coverage except for random inputs, which would take twice the time and cover lines by chance."""
     tracers = item.config.stash.get(_TRACERS, (None, None))
     return nullcontext() if tracers == (None, None) or _is_unmeasured(item) else _traced_by(*tracers)
 
 
 def _is_all_measured(config):
-    """Return whether somebody asks which test reaches which line, and is told of all."""
+    """Return whether coverage is recorded for each test, which must then include all tests."""
     return bool(config.getoption("cov_context", None))
 
 
 def _folder(item):
-    """Return the folder of the tests' that a test is in."""
+    """Return the folder of a test below `tests`."""
     return item.path.relative_to(Path(__file__).parent).parts[0]
 
 

@@ -1,8 +1,8 @@
-"""CPU seconds of each test, its child processes included, compared with a record.
+"""Compares the CPU seconds of tests, including their child processes, with a record.
 
-`--costs FILE` writes the table. `python -m tests.costs FILE` fails if a module of tests takes more than half as much again as
-recorded; `make test` does this last, so that the modules stand at the end of its output. Shares of the whole are compared, so that a
-slower machine makes no difference.
+`--costs FILE` writes the table. `python -m tests.costs FILE` fails if a test module takes more than 1.5 times its recorded time.
+`make test` does this last, so that the modules are at the end of its output. Times are relative to the median, so a slower machine
+makes no difference.
 """
 
 import json
@@ -17,28 +17,28 @@ from statistics import median
 import pytest
 
 RECORD = Path(__file__).with_name("costs.json")
-"""CPU seconds of each module of tests in a run on a quiet machine; `make test-costs` writes it."""
+"""CPU seconds of each test module in a run on an idle machine; `make test-costs` writes them."""
 GROWTH = 1.5
 SLACK_SEC = 15.0
-"""A module may take so many seconds more than its share in any case; a new one has nothing else."""
+"""Seconds that a module may take above its expected time in any case; also the limit of a new module."""
 _NAME = "cost"
 
 
 def cpu_now():
-    """Return the CPU seconds of this process, and of its child processes that have ended."""
+    """Return the CPU seconds of this process and its ended child processes."""
     both = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(each.ru_utime + each.ru_stime for each in both)
 
 
 def grown(taken, recorded):
-    """Return a line for each module of tests that takes too much, with what it should take.
+    """Return a line for each test module that takes too long, with its expected time.
 
     Args:
         taken: CPU seconds by module, in this run.
         recorded: CPU seconds by module, in the record.
     """
     both = taken.keys() & recorded.keys()
-    # The median, because tests that were left out on purpose would change the sum.
+    # The median, because omitted tests would change the sum.
     pace = median(taken[module] / recorded[module] for module in both) if both else 1.0
     lines = []
     for module, seconds in sorted(taken.items()):
@@ -49,11 +49,11 @@ def grown(taken, recorded):
 
 
 class CostOfTests:
-    """Measures tests in the processes that run them, and writes the table in the one that reports them.
+    """Measures tests in the processes that run them, and writes the table in the main process.
 
     Args:
-        path: Where the table goes.
-        is_worker: Whether this process only runs tests for another one.
+        path: The path of the table.
+        is_worker: Whether this process is a worker.
     """
 
     def __init__(self, path, *, is_worker):
@@ -73,12 +73,12 @@ class CostOfTests:
         report = yield
         if call.when == "teardown":
             wall, cpu = time.perf_counter() - self._start[0], cpu_now() - self._start[1]
-            # Whoever reaps the processes of an earlier test is charged for no more than its own time.
+            # A test that reaps processes of an earlier test is charged for its own duration at most.
             report.user_properties.append((_NAME, (wall, min(cpu, wall * (os.cpu_count() or 1)))))
         return report
 
     def pytest_runtest_logreport(self, report):
-        """Keep the cost of a test that has ended."""
+        """Store the cost of a test that has ended."""
         for name, cost in report.user_properties if report.when == "teardown" else ():
             if name == _NAME:
                 self._taken[report.nodeid] = cost
@@ -93,7 +93,7 @@ class CostOfTests:
         self._path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
     def pytest_terminal_summary(self, terminalreporter):
-        """Print what a run has cost."""
+        """Print the cost of the run."""
         if self._is_worker or not self._path.exists():
             return
         whole = sum(cpu for _, cpu in self._taken.values())
@@ -110,7 +110,7 @@ def by_module(path):
 
 
 def save(path):
-    """Make the table of a run the record; a module below a tenth of a second is left out."""
+    """Make the table of a run the record, without modules below 0.1 s."""
     kept = {
         module: round(seconds, 1) for module, seconds in sorted(by_module(path).items()) if seconds >= 0.1
     }
@@ -118,7 +118,7 @@ def save(path):
 
 
 def main(path: str) -> int:
-    """Print the modules that take too much; return the exit status."""
+    """Print the modules that take too long; return the exit status."""
     lines = grown(by_module(Path(path)), json.loads(RECORD.read_text(encoding="utf-8")))
     for line in lines:
         print(f"costs too much: {line}. If this is intended, run: make test-costs")

@@ -1,4 +1,4 @@
-"""A disk that is full, for a moment, without one: no file of this process can be written."""
+"""Simulates a full disk: for a moment this process cannot write any file."""
 
 import resource
 from contextlib import contextmanager
@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def full_disk():
-    """Let the system refuse what is written to files, as it does above a limit of their size."""
+    """Make the system refuse writes to files by setting the limit of file sizes to 0."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
     try:

@@ -1,4 +1,4 @@
-"""The kernel is tested twice: compiled, where it is, and as it is."""
+"""A mark for tests that need the kernel in Python. The kernel is tested compiled, if it is built, and in Python."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Ways to write every control and decorator that there is, by what is registered."""
+"""Forms of every registered control and decorator with different attributes."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ _SAMPLES = ("-1", "0", "1", "2", "true", "false", "SUCCESS", "FAILURE", "RUNNING
 
 
 def reads_keys(body: str) -> bool:
-    """Return whether what a text with nodes does depends on the blackboard."""
+    """Return whether the behaviour of some nodes depends on the blackboard."""
     return any(key in body for key in ("{v}", "{entry}", "v =="))
 
 
 @dataclass(frozen=True)
 class Form:
-    """One way to write a node that has children.
+    """A node with children and chosen attributes.
 
     Attributes:
         spec: The node.
-        attributes: What is written.
+        attributes: The written attributes.
     """
 
     spec: NodeSpec
@@ -34,13 +34,13 @@ class Form:
         return f"<{self.spec.tag}{written}>{''.join(children)}</{self.spec.tag}>"
 
     def count(self, wanted: int) -> int:
-        """Return a number of children that it can have, as near to one as can be."""
+        """Return the allowed number of children that is nearest to a wanted number."""
         least, most = self.spec.child_count
         return max(least, min(wanted, wanted if most is None else most))
 
     @property
     def reads_keys(self) -> bool:
-        """Whether what it does depends on the blackboard."""
+        """Whether its behaviour depends on the blackboard."""
         return reads_keys(self.text([]))
 
     def __str__(self) -> str:
@@ -48,10 +48,10 @@ class Form:
 
 
 def forms(registry: Registry | None = None) -> list[Form]:
-    """Return ways to write every control and decorator: each attribute with every value that it takes of a few.
+    """Return forms of every control and decorator: each attribute with every sample value that it accepts.
 
     Args:
-        registry: What there is; by default what is installed.
+        registry: The registered nodes; by default all installed ones.
     """
     return [
         form
@@ -80,7 +80,7 @@ def _forms_of(spec: NodeSpec) -> Iterator[Form]:
 
 
 def _samples(parameter: Parameter) -> list[str]:
-    """Return a few texts for an attribute."""
+    """Return sample texts for an attribute."""
     name, value_type = parameter.name, parameter.value_type
     told = {
         "entry": ["{entry}"],
@@ -91,7 +91,7 @@ def _samples(parameter: Parameter) -> list[str]:
     is_input = parameter.direction is None or parameter.direction is Direction.INPUT
     if name in told or value_type is NO_VALUE or not is_input:
         return told.get(name, ["{item}"])
-    if value_type.name.startswith("nav2."):  # no node does anything else for another message
+    if value_type.name.startswith("nav2."):  # messages do not change the behaviour of nodes
         return []
     if value_type.python is Script:
         return ["true", "false", "v == 1"]

@@ -1,4 +1,4 @@
-"""Commands of the project as processes: started, listened to, and ended by tests."""
+"""Commands of the project as processes that tests start, observe and end."""
 
 import itertools
 import os
@@ -16,12 +16,12 @@ from tests.waiting import SILENCE_SEC, News, Stopwatch
 
 BIN = Path(sys.executable).parent
 
-# What tells of a failure that nobody caught.
+# The first line of an uncaught exception.
 _TRACEBACK = "Traceback (most recent call last)"
 
 
 class Command:
-    """A running command; all it prints is kept line by line, standard output and error together.
+    """A running command. It stores all lines of standard output and error together.
 
     Args:
         name: The command, as installed.
@@ -34,7 +34,7 @@ class Command:
         self.name = name
         self._lines = []
         self._news = News()
-        # So that a mission does not find the journal of another test's; whoever wants one found names it.
+        # A separate folder, so that a mission does not find the journal of another test. Tests that need a journal name it.
         self._state = tempfile.TemporaryDirectory(prefix="state_of_test")
         self._process = subprocess.Popen(
             [BIN / name, *map(str, arguments)],
@@ -62,29 +62,29 @@ class Command:
 
     @property
     def pid(self):
-        """The process."""
+        """The process id."""
         return self._process.pid
 
     @property
     def output(self):
-        """All that was printed so far."""
+        """The output so far."""
         with self._news:
             return "\n".join(self._lines)
 
     @property
     def log(self):
-        """The texts of the ROS log, without level, time and node."""
+        """The messages of the ROS log, without level, time and node."""
         return [match[2] for match in self.stamped_log()]
 
     def stamped_log(self):
-        """The ROS log as triples of wall time, node and text."""
+        """Return the ROS log as triples of wall time, node and message."""
         pattern = re.compile(r"\[\w+\] \[([\d.]+)\] \[([^\]]*)\]: (.*)")
         with self._news:
             found = [pattern.fullmatch(line) for line in self._lines]
         return [(float(match[1]), match[2], match[3]) for match in found if match]
 
     def wait_for(self, text):
-        """Wait, as long as it prints, until a line holds a text; fail with all that was printed if none does."""
+        """Wait until a line contains a text; fail with the output if the command ends or stops printing before."""
         searched = 0
 
         def came():
@@ -100,14 +100,14 @@ class Command:
         return self
 
     def wait_until(self, wanted, what, silence_sec=SILENCE_SEC):
-        """Wait, as long as it prints, until something is so, and return it; `what` says what never came."""
+        """Wait, while the command prints, for a true value and return it; `what` names it in the failure."""
         with self._news:
             complaint = lambda: f"{what} of {self.name} did not come:\n{self.output}"  # noqa: E731
             return self._news.wait_until(wanted, complaint, silence_sec, self.pid)
 
     @property
     def is_over(self):
-        """Whether it has ended, and all that it has printed was read."""
+        """Whether it has ended and all its output was read."""
         return self._process.poll() is not None and not self._reader.is_alive()
 
     def send(self, number):
@@ -115,10 +115,10 @@ class Command:
         self._process.send_signal(number)
 
     def end(self, meanwhile=lambda: None):
-        """Wait, as long as it prints, for the command to end by itself; return its exit status.
+        """Wait, while the command prints, until it ends; return its exit status.
 
         Args:
-            meanwhile: Called ten times a second as long as it runs; may fail the test.
+            meanwhile: Called ten times a second while it runs; may fail the test.
         """
 
         def over():
@@ -132,7 +132,7 @@ class Command:
                 complaint = lambda: f"{self.name} prints nothing more, and does not end"  # noqa: E731
                 self._news.wait_until(over, complaint, pid=self.pid)
         except AssertionError as error:
-            # Python's fault handler then says where every thread is.
+            # Python's fault handler then prints the stack of every thread.
             self.send(signal.SIGABRT)
             self._reader.join(5.0)
             message = f"{error}:\n{self.output}"
@@ -142,15 +142,15 @@ class Command:
         return self._process.returncode
 
     def stop(self, number=signal.SIGINT, within_sec=2.0):
-        """Have the command end in order and in time; return its exit status.
+        """Send a signal and wait until the command ends in time; return its exit status.
 
         Args:
             number: The signal.
-            within_sec: How long that may take, seconds, without what its threads waited for a processor.
+            within_sec: The time limit in seconds, without the time that its threads wait for a processor.
         """
         watch = Stopwatch(self._process.pid)
 
-        # Not asked once it has ended: when it is found to have is a matter of the time that this process is given.
+        # Not checked after the command has ended: this process may notice the end late on a busy machine.
         def in_time():
             own, took = watch.own_sec, watch.passed_sec
             assert own <= within_sec, (
@@ -161,9 +161,9 @@ class Command:
         return self.end(in_time)
 
     def kill(self):
-        """See that nothing is left of it, whatever the test did."""
+        """Kill the command and its stopped descendants."""
         if self._process.poll() is None:
-            # One that a test has stopped would keep Fast DDS' locks in shared memory, and others would wait for them.
+            # A stopped process would hold Fast DDS' locks in shared memory, and other processes would wait for them.
             stopped = [each for each in _descendants(self.pid) if _state_and_parent(each)[0] == "T"]
             self._process.kill()
             self._process.wait()
@@ -172,13 +172,13 @@ class Command:
                     os.kill(each, signal.SIGKILL)
 
 
-# Below those that Linux gives to anybody, and for each test process of this machine others: none has another one's domain.
+# Below the ephemeral ports of Linux, and different for each test process of this machine, because their domains differ.
 _FIRST_PORT = 20_000 + 120 * int(os.environ["ROS_DOMAIN_ID"])
 _PORTS = itertools.cycle(range(_FIRST_PORT, _FIRST_PORT + 120, 2))
 
 
 def free_port():
-    """Return a port that is free, and the next one with it; both stay free until they are used, and can be had again."""
+    """Return a free port whose next port is also free. Both are not reserved, and may be returned again."""
     while True:
         port = next(_PORTS)
         with closing(socket.socket()) as one, closing(socket.socket()) as two, suppress(OSError):
@@ -188,11 +188,11 @@ def free_port():
 
 
 def listening_addresses(port):
-    """Return the addresses on which this machine listens to a TCP port, as the kernel lists them; 0.0.0.0 for all of IPv4."""
+    """Return the addresses on which this machine listens on a TCP port, from the kernel's lists; 0.0.0.0 for all of IPv4."""
     lines = [
         line.split() for table in ("tcp", "tcp6") for line in _read(f"/proc/net/{table}").splitlines()[1:]
     ]
-    # State 0A is a listener; an address is in hexadecimal digits, its bytes in the machine's order.
+    # State 0A is a listener. An address is written in hexadecimal digits in the machine's byte order.
     local = [fields[1].split(":") for fields in lines if fields[3] == "0A"]
     return {
         socket.inet_ntoa(bytes.fromhex(address)[::-1]) if len(address) == 8 else address
@@ -202,9 +202,9 @@ def listening_addresses(port):
 
 
 def children_of(pid, word=""):
-    """Return the children of a process, whichever of its threads has begun them, with a word in their command lines.
+    """Return the children of all threads of a process with a word in their command lines.
 
-    By what each process says of its parent: `/proc/PID/task/*/children` leaves out those of a thread that is just ending.
+    It compares the parent of each process, because `/proc/PID/task/*/children` omits children of a thread that is just ending.
     """
     numbers = (int(each.name) for each in Path("/proc").iterdir() if each.name.isdigit())
     found = sorted(number for number in numbers if _state_and_parent(number)[1] == str(pid))
@@ -218,34 +218,34 @@ def processor_sec(pid):
 
 
 def _descendants(pid):
-    """Yield the children of a process, and theirs."""
+    """Yield all descendants of a process."""
     for child in children_of(pid):
         yield child
         yield from _descendants(child)
 
 
 def wait_for_end_of(pid):
-    """Wait until a process has ended that is nobody's child here."""
+    """Wait until a process has ended that is not a child of this process."""
     news = News()
     with news:
-        # Who has died, and was not asked for by its parent, is there as a zombie.
+        # A process that has ended but was not reaped by its parent is a zombie.
         news.wait_until(lambda: _state_and_parent(pid)[0] in ("", "Z"), lambda: f"process {pid} does not end")
 
 
 def _state_and_parent(pid):
     """Return two fields of `/proc/PID/stat`; empty ones if there is no such process."""
-    # They come after the name, which may hold anything.
+    # They come after the name, which may contain any characters.
     return (*_read(f"/proc/{pid}/stat").rpartition(")")[2].split()[:2], "", "")[:2]
 
 
 def _read(path):
-    """Return what a file in `/proc` says; nothing of a process that is gone."""
+    """Return the content of a file in `/proc`; an empty string if the process is gone."""
     with suppress(OSError):
         return Path(path).read_text(errors="replace")
     return ""
 
 
 def in_order(expected, lines):
-    """Return the first of the expected lines that does not come after those before it; None if all do."""
+    """Return the first expected line that is missing or out of order; None if all are in order."""
     rest = iter(lines)
     return next((line for line in expected if line not in rest), None)

@@ -1,4 +1,4 @@
-"""Which functions of the package read files that others name: the list from which the table of hostile files is made."""
+"""Finds the functions of the package that read files named by users, which tests of hostile files must cover."""
 
 import ast
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 PACKAGE = Path("sar_compiler").resolve()
 MISSION = Path("search_and_rescue").resolve()
 WAYS = {"read_file", "read_yaml", "require_regular", "regular_file", "folder_entries"}
-"""The functions through which all of them go."""
+"""The functions that read or check files for all of them."""
 
 
 class _Calls(ast.NodeVisitor):
@@ -28,7 +28,7 @@ class _Calls(ast.NodeVisitor):
 
 
 def readers_in(path: Path, tree: ast.Module) -> set[str]:
-    """Return the functions of a file that read one, each as `module.py:Class.function`."""
+    """Return the functions of a module that read files, as `module.py:Class.function`."""
     path = path.resolve()
     if path == PACKAGE / "opener.py":
         return set()

@@ -1,4 +1,4 @@
-"""What commands say only of what takes long: how long that is depends on the machine."""
+"""Progress messages, which commands print only if a step is slow on this machine."""
 
 import re
 
@@ -9,5 +9,5 @@ _PROGRESS = re.compile(
 
 
 def without_progress(text):
-    """Return what a command has said, without the progress that it tells where it is slow."""
+    """Return the output of a command without progress messages."""
     return _PROGRESS.sub("", text)

@@ -1,4 +1,4 @@
-"""A terminal for commands of the project: what is on its screen, also after it has another size."""
+"""A terminal for commands of the project, with its screen and a variable size."""
 
 import fcntl
 import os
@@ -50,22 +50,22 @@ class Terminal:
         os.close(there)
 
     def tell_size(self, columns, lines):
-        """Tell the command that the terminal has another size, and leave the screen as it is."""
+        """Report another terminal size to the command without resizing the screen."""
         fcntl.ioctl(self._here, termios.TIOCSWINSZ, struct.pack("HHHH", lines, columns, 0, 0))
 
     def resize(self, columns, lines):
-        """Give the terminal another size."""
+        """Resize the terminal."""
         self.tell_size(columns, lines)
         self.screen.resize(lines, columns)
 
     @property
     def rows(self):
-        """What is on the screen, line by line, without the spaces at the ends."""
+        """The lines of the screen without trailing spaces."""
         return [row.rstrip() for row in self.screen.display]
 
     @property
     def history(self):
-        """The lines that have scrolled off the screen, and then what is on it."""
+        """The lines that have scrolled off the screen, and the lines on it."""
         gone = [
             "".join(line[column].data for column in range(self.screen.columns)).rstrip()
             for line in self.screen.history.top
@@ -73,23 +73,23 @@ class Terminal:
         return [*gone, *self.rows]
 
     def wait_for(self, wanted):
-        """Wait until what is on the screen is as wanted: a function of the rows, or a text in one of them."""
+        """Wait until a condition on the rows holds, or until a row contains a text."""
         is_so = wanted if callable(wanted) else lambda rows: any(wanted in row for row in rows)
         deadline = time.monotonic() + SILENCE_SEC
         while not is_so(self.rows):
             is_over = self._process.poll() is not None
             came = self._read()
             assert time.monotonic() < deadline, "\n".join(self.rows)
-            # What it wrote before its end can still be on the way.
+            # Output from before its end can still arrive.
             assert came or not is_over, "\n".join(self.history)
         return self
 
     def _read(self):
-        """Take what comes within a moment; return whether there was something."""
+        """Read available output for at most 0.1 s; return whether there was any."""
         ready, _, _ = select.select([self._here], [], [], 0.1)
         try:
             data = os.read(self._here, 65536) if ready else b""
-        except OSError:  # nobody writes to it any more
+        except OSError:  # the other end is closed
             return False
         self._stream.feed(data)
         return bool(data)
@@ -104,7 +104,7 @@ class Terminal:
         os.kill(child, number)
 
     def type(self, text):
-        """Have a text typed."""
+        """Type a text."""
         os.write(self._here, text.encode())
 
     def end(self):
@@ -118,7 +118,7 @@ class Terminal:
         return self._process.returncode
 
     def kill(self):
-        """See that nothing is left of it."""
+        """Kill the command if it still runs, and close the terminal."""
         if self._process.poll() is None:
             self._process.kill()
             self._process.wait()

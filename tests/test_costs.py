@@ -1,4 +1,4 @@
-"""The table of what tests cost."""
+"""Tests of the table of test costs."""
 
 import os
 import subprocess
@@ -10,19 +10,19 @@ from tests.costs import by_module, grown, main
 RECORDED = {"a.py": 20.0, "b.py": 20.0, "c.py": 160.0}
 
 
-def test_a_module_that_takes_more_than_half_as_much_again_is_named():
+def test_module_above_growth_limit_is_reported():
     assert grown({**RECORDED, "a.py": 40.0}, RECORDED) == ["a.py: 40.0 s of CPU, expected were 20.0"]
 
 
-def test_a_slower_machine_makes_no_difference():
+def test_slower_machine_makes_no_difference():
     assert grown({module: 3 * seconds for module, seconds in RECORDED.items()}, RECORDED) == []
 
 
-def test_tests_that_were_left_out_make_no_other_module_too_dear():
+def test_omitted_tests_do_not_make_other_modules_too_expensive():
     assert grown({"a.py": 20.0, "b.py": 20.0, "c.py": 1.0}, RECORDED) == []
 
 
-def test_what_takes_too_much_is_printed_and_fails(tmp_path, capsys):
+def test_too_expensive_module_is_printed_and_fails(tmp_path, capsys):
     table = tmp_path / "costs.tsv"
     table.write_text("cpu_sec\twall_sec\ttest\n99.0\t99.0\ttests/new.py::test_a\n", encoding="utf-8")
     assert main(table) == 1
@@ -31,12 +31,12 @@ def test_what_takes_too_much_is_printed_and_fails(tmp_path, capsys):
     assert main(table) == 0
 
 
-def test_a_new_module_may_take_fifteen_seconds():
+def test_new_module_may_take_fifteen_seconds():
     assert grown({**RECORDED, "new.py": 14.9}, RECORDED) == []
     assert grown({**RECORDED, "new.py": 15.1}, RECORDED) == ["new.py: 15.1 s of CPU, expected were 0.0"]
 
 
-def test_a_part_of_the_tests_can_be_compared():
+def test_subset_of_tests_can_be_compared():
     assert grown({"a.py": 20.0, "b.py": 21.0}, RECORDED) == []
 
 
@@ -50,7 +50,7 @@ def pytest_configure(config):
 BUSY = "import time; end = time.process_time() + 0.2\nwhile time.process_time() < end: pass"
 
 
-def test_the_processes_that_a_test_starts_count_as_its_own(tmp_path):
+def test_child_processes_count_for_their_test(tmp_path):
     busy = f"subprocess.run([sys.executable, '-c', {BUSY!r}])"
     files = {
         "conftest.py": CONFTEST,

@@ -1,4 +1,4 @@
-"""What is public: its names are there, lazily and typed, and everybody outside uses nothing else."""
+"""Tests of the public names: they are lazy, typed and documented, and pages and examples use no others."""
 
 import ast
 import collections
@@ -26,7 +26,7 @@ GROUPS = {
     )
 }
 PUBLIC = [f"{group}.{name}" for group, module in GROUPS.items() for name in module.__all__]
-# `testing` is a module as any other, in which its names live.
+# `testing` is an ordinary module that defines its names.
 LAZY = [group for group in GROUPS if group != "sar_compiler.testing"]
 ROS = {
     "sar_compiler.TreeRunner",
@@ -36,8 +36,8 @@ ROS = {
     "sar_compiler.missions.serve",
     "sar_compiler.missions.convert_ros_errors",
 }
-ON_FIRST_PAGE = 20
-"""How many names the first group has at most: what one learns of the project in an hour."""
+MAX_NAMES_OF_FIRST_GROUP = 20
+"""The maximum number of names in the first group, which a user can learn in an hour."""
 
 
 def in_python(program):
@@ -46,18 +46,18 @@ def in_python(program):
     return done.stdout.strip()
 
 
-def test_the_first_group_can_be_learned():
-    assert len(GROUPS["sar_compiler"].__all__) <= ON_FIRST_PAGE
+def test_first_group_has_at_most_20_names():
+    assert len(GROUPS["sar_compiler"].__all__) <= MAX_NAMES_OF_FIRST_GROUP
 
 
-def test_a_public_name_stands_in_one_group():
+def test_public_name_is_in_one_group():
     names = collections.Counter(name.rpartition(".")[2] for name in PUBLIC)
-    # `LoadedTree.simulate` returns it, and so does `testing.simulate`.
+    # `LoadedTree.simulate` and `testing.simulate` both return it.
     assert {name for name, count in names.items() if count > 1} == {"Simulated"}
 
 
 @pytest.mark.parametrize("group", LAZY)
-def test_the_public_names_of_a_group_are_there_without_ros(group):
+def test_public_names_of_group_are_available_without_ros(group):
     names = sorted(set(GROUPS[group].__all__) - {name.rpartition(".")[2] for name in ROS})
     asked = "; ".join(f"group.{name}" for name in names)
     assert in_python(f"import sys; sys.modules['rclpy'] = None\nimport {group} as group; {asked}") == ""
@@ -65,13 +65,13 @@ def test_the_public_names_of_a_group_are_there_without_ros(group):
 
 @pytest.mark.ros
 @pytest.mark.parametrize("name", sorted(ROS))
-def test_a_public_name_for_ros_is_there(name):
+def test_public_name_for_ros_is_callable(name):
     group, _, attribute = name.rpartition(".")
     assert callable(getattr(GROUPS[group], attribute))
 
 
-def home_of(group, name):
-    """Return the path of the source in which a public name is given: the group imports it from there, or is that itself."""
+def source_of(group, name):
+    """Return the path of the source that defines a public name: the module from which the group imports it, or the group."""
     source = Path(sys.modules[group].__file__ or "")
     home = next(
         (
@@ -86,7 +86,7 @@ def home_of(group, name):
 
 
 def doc_of(node, after, name):
-    """Return the docstring that a statement gives to a name; one of a constant or an alias stands below it."""
+    """Return the docstring that a statement gives to a name. That of a constant or an alias is the next statement."""
     if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
         return node.name == name and ast.get_docstring(node)
     targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
@@ -98,32 +98,32 @@ def doc_of(node, after, name):
 
 
 @pytest.mark.parametrize("name", PUBLIC)
-def test_a_public_name_is_documented(name):
+def test_public_name_is_documented(name):
     group, _, attribute = name.rpartition(".")
-    body = ast.parse(home_of(group, attribute).read_text("utf-8")).body
+    body = ast.parse(source_of(group, attribute).read_text("utf-8")).body
     texts = [doc_of(node, after, attribute) for node, after in itertools.pairwise([*body, None])]
     assert any(texts)
 
 
 @pytest.mark.parametrize("group", LAZY)
-def test_to_import_a_group_imports_no_library(group):
+def test_importing_a_group_imports_no_library(group):
     libraries = ("py_trees", "lxml", "rclpy", "yaml")
     assert in_python(f"import sys, {group}; print([x for x in {libraries} if x in sys.modules])") == "[]"
 
 
 @pytest.mark.parametrize("group", LAZY)
-def test_a_name_that_is_not_public_is_no_attribute(group):
+def test_unknown_name_is_no_attribute(group):
     with pytest.raises(AttributeError, match=f"module '{group}' has no attribute 'Regsitry'"):
         GROUPS[group].Regsitry  # noqa: B018
 
 
 @pytest.mark.parametrize("group", GROUPS)
-def test_everything_public_is_listed_for_completion(group):
+def test_all_public_names_are_listed_for_completion(group):
     assert set(GROUPS[group].__all__) <= set(dir(GROUPS[group]))
 
 
 @pytest.mark.parametrize("group", LAZY)
-def test_what_type_checkers_see_is_what_there_is(group):
+def test_names_for_type_checkers_match_runtime_names(group):
     module = ast.parse(Path(GROUPS[group].__file__ or "").read_text(encoding="utf-8"))
     typed = next(node for node in module.body if isinstance(node, ast.If))
     seen = {
@@ -138,7 +138,7 @@ def test_what_type_checkers_see_is_what_there_is(group):
 
 
 @pytest.mark.costly
-def test_type_checkers_know_the_names(tmp_path):
+def test_mypy_knows_the_public_names(tmp_path):
     program = tmp_path / "typed.py"
     program.write_text(
         "import sar_compiler\n"
@@ -155,7 +155,7 @@ def test_type_checkers_know_the_names(tmp_path):
     assert '"sar_compiler.leaves" has no attribute "Knid"' in done.stdout
 
 
-def imported(text):
+def modules_imported_by(text):
     """Yield the modules of this package that a piece of Python imports from."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom) and node.module:
@@ -165,27 +165,34 @@ def imported(text):
 
 
 @pytest.mark.parametrize("page", [*PAGES, *FINDINGS], ids=str)
-def test_a_page_imports_from_the_face_only(page):
+def test_page_imports_only_public_modules(page):
     texts = [block.text for block in blocks(page) if block.language == "python"]
-    # What is shown of a class may have no body.
+    # A page may show a class without its body.
     whole = [text if not text.rstrip().endswith(")") else f"{text}class _: ..." for text in texts]
-    modules = {module for text in whole for module in imported(text) if re.match(r"sar_compiler\b", module)}
+    modules = {
+        module
+        for text in whole
+        for module in modules_imported_by(text)
+        if re.match(r"sar_compiler\b", module)
+    }
     assert modules <= set(GROUPS)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.name != "architecture.md"], ids=str)
-def test_a_page_for_users_names_no_module_behind_the_face(page):
+def test_user_page_names_no_internal_module(page):
     named = set(re.findall(r"\bsar_compiler\.\w+\.\w+", page.read_text("utf-8")))
     assert {name for name in named if name.rpartition(".")[0] not in GROUPS} == set()
 
 
 @pytest.mark.parametrize("path", sorted(Path("examples").rglob("*.py")), ids=str)
-def test_an_example_imports_from_the_face_only(path):
-    modules = {each for each in imported(path.read_text("utf-8")) if re.match(r"sar_compiler\b", each)}
+def test_example_imports_only_public_modules(path):
+    modules = {
+        each for each in modules_imported_by(path.read_text("utf-8")) if re.match(r"sar_compiler\b", each)
+    }
     assert modules <= set(GROUPS)
 
 
-def test_the_page_of_the_api_is_made_of_the_sources_and_has_every_public_name():
+def test_api_page_matches_sources_and_has_every_public_name():
     api = runpy.run_path("docs/site/api_page.py")
     text = api["PAGE"].read_text(encoding="utf-8")
     assert text == api["page"](), "renew it: .venv/bin/python docs/site/api_page.py"
@@ -194,12 +201,12 @@ def test_the_page_of_the_api_is_made_of_the_sources_and_has_every_public_name():
         assert {*re.findall(r"^- \*\*`(\w+)", section, re.MULTILINE)} == {*module.__all__}
 
 
-def test_the_pictures_of_the_readme_show_what_the_project_says_today():
+def test_readme_pictures_match_current_output():
     demo, badges = (runpy.run_path(f"docs/pictures/{name}.py") for name in ("demo", "badges"))
     drawn = demo["PICTURE"].read_text(encoding="utf-8")
     typo, proof = demo["checked"](demo["tree_of_readme"]())
     shown = demo["picture"](typo, proof, [])
-    # What comes of the simulated run is after the two other scenes.
+    # The scene of the simulated run comes last and is not compared.
     assert drawn.partition('<g class="scene2">')[0] == shown.partition('<g class="scene2">')[0], (
         "renew it: .venv/bin/python docs/pictures/demo.py"
     )

@@ -1,4 +1,4 @@
-"""The house's rules: who may import whom, and what is imported when."""
+"""Tests of the architecture rules: imports between packages, unique names, and where files are opened and nodes are named."""
 
 import ast
 import collections
@@ -19,7 +19,7 @@ from tests.faults.test_hostile_files import ELSEWHERE as TRIED_ELSEWHERE
 from tests.faults.test_hostile_files import SURFACES
 from tests.readers import readers_in
 
-# Files are read here, hardly any code is run: with coverage the walks through them take half as long again.
+# These tests read files and run almost no code; coverage would make them 1.5 times slower.
 pytestmark = pytest.mark.unmeasured
 
 PACKAGE = Path("sar_compiler")
@@ -35,7 +35,7 @@ CORE = {
     "checks": {"tree", "runtime", "nodes", "compiler", "documents"},
     "project": {"tree", "runtime", "nodes", "compiler", "documents", "checks"},
 }
-"""What each package of the core may import of the others."""
+"""The other core packages that each core package may import."""
 PARTS = {
     "journal": set(),
     "views": {"journal"},
@@ -54,7 +54,7 @@ PARTS = {
     "lsp": {"analysis", "editing", "missions", "views"},
     "validation": {"analysis"},
 }
-"""What each part may import of the others; besides that, all of the core."""
+"""The other parts that each part may import, in addition to the core."""
 MAY_IMPORT = {
     **CORE,
     **{part: others | CORE.keys() for part, others in PARTS.items()},
@@ -77,34 +77,34 @@ COMMON = {
     "terminal",
     "writing",
 }
-"""What everybody may import."""
+"""The modules that every package may import."""
 ABOVE = {"__init__", "cli", "leaves", "loaded_tree", "testing"}
 """The commands, and the public names of users."""
 
 
 def name_of(path):
-    """Return the path of a module as it is written here: that of `sar_compiler` from its folder."""
+    """Return the path of a module as the tables write it: relative to `sar_compiler`, or to the checkout."""
     return str(path.relative_to(PACKAGE) if path.is_relative_to(PACKAGE) else path)
 
 
-def room_of(path):
+def package_of(path):
     return Path(name_of(path)).parts[0].removesuffix(".py")
 
 
-class Facts:
-    """What the rules ask of a file, of one look at its syntax tree, which itself takes too much room to be kept.
+class ModuleFacts:
+    """The facts about a module that the rules need. Its syntax tree takes too much memory to be cached.
 
     Attributes:
-        imports: The modules that it imports, wherever in it, with the line.
-        imports_without_types: Those that it imports when it runs.
-        names: Its classes, wherever in it, and its aliases of types, with the line.
-        texts: The texts of its code, with the line.
-        calls: What it calls.
-        computed_lookups: The lines that look an attribute up by a computed text.
+        imports: The modules that it imports at any level, with the line.
+        imports_without_types: The modules that it imports at run time.
+        names: Its classes at any level and its type aliases, with the line.
+        texts: The strings of its code, with the line.
+        calls: The called expressions.
+        computed_lookups: The lines that look up an attribute by a computed name.
         fields: The measured fields that it reads.
-        readers: Its functions that read files that others name.
+        readers: Its functions that read files named by users.
         functions: The names of its functions.
-        methods: Those of the public methods of each class.
+        methods: The names of the public methods of each class.
     """
 
     def __init__(self, path):
@@ -132,11 +132,11 @@ class Facts:
 
 
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
-facts_of = functools.cache(Facts)
+facts_of = functools.cache(ModuleFacts)
 
 
 def dotted(node):
-    """Return an expression as it is written: names with dots are most of them, and for these `ast.unparse` takes long."""
+    """Return the source of an expression. Most are dotted names, for which `ast.unparse` would be slow."""
     names, inner = [], node
     while isinstance(inner, ast.Attribute):
         names.append(inner.attr)
@@ -158,17 +158,17 @@ FILES = sorted([*PACKAGE.rglob("*.py"), *MISSION.rglob("*.py")])
 
 @functools.cache
 def is_public_group(path):
-    """Return whether a module only names what others may import: each name is looked up when it is used."""
+    """Return whether a module only lists public names, which are looked up lazily."""
     return "__all__ = lazy(__name__)" in path.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("room", sorted(MAY_IMPORT))
-def test_a_package_imports_only_what_its_row_allows(room):
-    allowed = MAY_IMPORT[room] | COMMON | {room}
+@pytest.mark.parametrize("package", sorted(MAY_IMPORT))
+def test_package_imports_only_allowed_packages(package):
+    allowed = MAY_IMPORT[package] | COMMON | {package}
     wrong = [
         f"{path}:{line} imports {module}"
         for path in FILES
-        if room_of(path) == room and not is_public_group(path)
+        if package_of(path) == package and not is_public_group(path)
         for module, line in facts_of(path).imports
         if (top := module.partition(".")[0]) in {PACKAGE.name, MISSION.name}
         and (f"{module}.".split(".")[1] if top == PACKAGE.name else top) not in allowed
@@ -178,13 +178,13 @@ def test_a_package_imports_only_what_its_row_allows(room):
 
 @functools.cache
 def modules_of_parts_imported():
-    """Return, for each part, its modules that others import."""
+    """Return the modules of each part that others import."""
     found = collections.defaultdict(set)
     for path in FILES:
         for name, _ in () if is_public_group(path) else facts_of(path).imports:
             top, _, rest = name.partition(".")
             part, *module = rest.split(".")
-            if top == PACKAGE.name and part in PARTS and part != room_of(path):
+            if top == PACKAGE.name and part in PARTS and part != package_of(path):
                 while module and not any(
                     PACKAGE.joinpath(part, *module).with_suffix(end).exists() for end in ("", ".py")
                 ):
@@ -194,28 +194,28 @@ def modules_of_parts_imported():
 
 
 @pytest.mark.parametrize("part", sorted(PARTS))
-def test_others_import_of_a_part_the_modules_that_its_face_lists(part):
+def test_public_modules_of_part_match_imports_of_others(part):
     listed = importlib.import_module(f"{PACKAGE.name}.{part}").PUBLIC_MODULES
     assert listed == tuple(sorted(modules_of_parts_imported()[part]))
 
 
-def test_no_part_starts_the_command_line_by_its_name():
+def test_no_part_names_the_command_line_package():
     named = [
         f"{path}:{line}"
         for path in FILES
-        if room_of(path) not in {"cli", "commands", "console_command"}
+        if package_of(path) not in {"cli", "commands", "console_command"}
         for text, line in facts_of(path).texts
         if "sar_compiler.cli" in text
     ]
     assert named == []
 
 
-def test_every_room_has_its_rule():
-    assert {room_of(path) for path in FILES} - COMMON - ABOVE == set(MAY_IMPORT)
+def test_every_package_has_an_import_rule():
+    assert {package_of(path) for path in FILES} - COMMON - ABOVE == set(MAY_IMPORT)
 
 
 def names_given_by(tree, nodes):
-    """Yield the classes of a file, wherever in it, and its aliases of types, with the line."""
+    """Yield the classes of a file at any level and its type aliases, with the line."""
     yield from ((node.name, node.lineno) for node in nodes if isinstance(node, ast.ClassDef))
     for node in tree.body:
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
@@ -224,21 +224,21 @@ def names_given_by(tree, nodes):
                 yield target.id, node.lineno
 
 
-def shared(pairs):
-    """Return the names that stand for more than one thing, with these."""
+def find_duplicates(pairs):
+    """Return the names that belong to more than one thing, with these things."""
     found = collections.defaultdict(list)
     for name, thing in pairs:
         found[name].append(thing)
     return {name: things for name, things in found.items() if len(things) > 1}
 
 
-def test_no_two_classes_have_one_name():
-    # An underscore in front makes no other name of it: both are spoken alike.
+def test_class_names_are_unique():
+    # A leading underscore does not make a different name, because both are spoken alike.
     given = ((name.lstrip("_"), f"{path}:{line}") for path in FILES for name, line in facts_of(path).names)
-    assert shared(given) == {}
+    assert find_duplicates(given) == {}
 
 
-# A module may have the name of what it mirrors.
+# A module may have the name of the module that it mirrors.
 MIRRORS = {
     frozenset({"runtime", "nodes"}): "the tags of these nodes",
     frozenset({"views", "tree"}): "how it is shown",
@@ -248,13 +248,13 @@ MIRRORS = {
 }
 # Modules that share a name without mirroring each other, with the reason.
 SAME_MODULE_NAMES = {
-    "errors.py": "each room has its own",
+    "errors.py": "each package has its own",
     "leaves.py": "what leaves are made of, beside the leaves of the language",
 }
 
 
-def test_no_two_modules_have_one_name_unless_one_mirrors_the_other():
-    twice = shared((path.name, room_of(path)) for path in FILES if path.stem != "__init__")
+def test_module_names_are_unique_except_mirrors():
+    twice = find_duplicates((path.name, package_of(path)) for path in FILES if path.stem != "__init__")
     unlike = {
         name
         for name, sides in twice.items()
@@ -263,7 +263,7 @@ def test_no_two_modules_have_one_name_unless_one_mirrors_the_other():
     assert unlike == SAME_MODULE_NAMES.keys()
 
 
-def test_a_mission_is_known_only_by_its_entry_point():
+def test_shipped_mission_is_known_only_by_entry_point():
     said = [
         f"{path}:{number}"
         for path in PACKAGE.rglob("*")
@@ -274,8 +274,8 @@ def test_a_mission_is_known_only_by_its_entry_point():
     assert said == []
 
 
-def test_a_shipped_mission_imports_public_names_alone():
-    """So that it could be a distribution of its own: anybody's mission can do what it does."""
+def test_shipped_mission_imports_only_public_names():
+    """The mission could be a separate distribution, so any user's mission can do the same."""
     groups = ("sar_compiler", "sar_compiler.leaves", "sar_compiler.missions", "sar_compiler.testing")
     public = {f"{group}.{name}" for group in groups for name in importlib.import_module(group).__all__}
     wrong = [
@@ -288,7 +288,7 @@ def test_a_shipped_mission_imports_public_names_alone():
     assert wrong == []
 
 
-def test_ros_is_imported_only_at_the_edge():
+def test_only_edge_packages_import_ros():
     edge = ("ros", "sim", "execution", "search_and_rescue")
     wrong = [
         f"{path}:{line} imports {module}"
@@ -317,8 +317,8 @@ WITHOUT_ROS = (
 )
 
 
-def test_a_laptop_without_ros_can_do_what_needs_none():
-    # What is not ours is imported once; each statement has a process.
+def test_commands_that_need_no_ros_work_without_rclpy():
+    # Libraries are imported once; each statement runs in a separate process.
     program = (
         "import os, sys; sys.modules['rclpy'] = None\n"
         "import jsonschema, lxml.etree, numpy, py_trees, scipy.sparse, yaml\n"
@@ -338,12 +338,12 @@ COMPUTED_ELSEWHERE = {"runtime/kernel/branching.py"}
 
 
 def computed_lookups(tree):
-    """Yield the lines of a module that look an attribute up by a computed text: written there, or in a variable of the function."""
+    """Yield the lines of a module that look up an attribute by a computed string, directly or through a local variable."""
     for scope in ast.walk(tree):
         if not isinstance(scope, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda, ast.Module)):
             continue
         nodes = [*ast.walk(scope)]
-        # A variable is one of its function.
+        # Only local variables of functions are followed.
         computed = {
             target.id
             for node in (() if isinstance(scope, ast.Module) else nodes)
@@ -359,12 +359,12 @@ def computed_lookups(tree):
 
 
 def called(node):
-    """Return the name of what a call calls, without what it is looked up in."""
+    """Return the name of the called function without its object or module."""
     return getattr(node.func, "attr", getattr(node.func, "id", ""))
 
 
 def is_computed_text(node):
-    """Return whether an expression puts a text together: `f"on_{kind}"`, `"on_" + kind`, `"on_%s" % kind`, `"on_{}".format(kind)`."""
+    """Return whether an expression builds a string: `f"on_{kind}"`, `"on_" + kind`, `"on_%s" % kind`, `"on_{}".format(kind)`."""
     if isinstance(node, ast.NamedExpr):
         return is_computed_text(node.value)
     if isinstance(node, ast.Call):
@@ -390,24 +390,24 @@ def is_computed_text(node):
         'if hasattr(a, name := "_".join(k)): ...',
     ],
 )
-def test_a_lookup_by_a_computed_text_is_found(text):
+def test_computed_attribute_lookup_is_detected(text):
     assert [*computed_lookups(ast.parse(text))]
     assert not [
         *computed_lookups(ast.parse('def f(a, k):\n    name = NAMES[k]\n    return getattr(a, name, "")'))
     ]
 
 
-def test_no_attribute_is_looked_up_by_a_computed_text():
-    """Names that are looked up stand in tables, so that a search for them finds them."""
+def test_no_attribute_is_looked_up_by_computed_name():
+    """Names that are looked up must be in tables, so that a text search finds them."""
     found = {name_of(path) for path in FILES if facts_of(path).computed_lookups}
     assert found == COMPUTED_ELSEWHERE
 
 
 MAKES_CODE = "runtime/script_code.py"
-"""Makes code of its own, of syntax trees without a word of a file (`tests/runtime/test_script_code.py` looks at them)."""
+"""Compiles its own syntax trees, which contain no text of a file (`tests/runtime/test_script_code.py` checks them)."""
 
 
-def test_no_code_of_a_file_is_ever_evaluated():
+def test_no_code_from_files_is_evaluated():
     found = {
         (name_of(path), name)
         for path in FILES
@@ -435,7 +435,7 @@ MEASURED = frozenset(
         *("survivor_x", "survivor_y"),
     }
 )
-"""Fields of messages that a sensor or a server fills in."""
+"""The fields of messages that a sensor or a server sets."""
 READ_ELSEWHERE = {
     "web/page_tools.py": {"stamp"},  # of a key of the blackboard
     "search_and_rescue/actions/survivors.py": {"survivor_x", "survivor_y"},  # into `MapExtent.check`
@@ -448,7 +448,7 @@ READ_ELSEWHERE = {
 
 
 def fields_read(nodes):
-    """Yield the measured fields that a file reads: those that it fills in are left out."""
+    """Yield the measured fields that a file reads, without those that it sets."""
     written = set[ast.AST]()
     for node in nodes:
         if isinstance(node, ast.Assign):
@@ -463,8 +463,8 @@ def fields_read(nodes):
             yield node.attr
 
 
-def test_measured_fields_of_messages_are_read_at_one_place_alone():
-    """What a sensor or a server says is held against the definition of its message in `ros/message_values.py`."""
+def test_measured_message_fields_are_read_in_one_module():
+    """`ros/message_values.py` checks the values of sensors and servers against the definitions of their messages."""
     found = {
         name: fields
         for path in FILES
@@ -477,7 +477,7 @@ def test_measured_fields_of_messages_are_read_at_one_place_alone():
     assert found == READ_ELSEWHERE
 
 
-# How Python and the libraries of this project open a file, or read one that is open.
+# The calls by which Python and the libraries of this project open or read a file.
 OPENS = re.compile(
     r"(?:^|\.)(?:open|fdopen|open_code|read_text|read_bytes|memmap|fromfile|loadtxt|genfromtxt|getlines?|run_path|copyfile|copy2"
     r"|copytree|ZipFile|TarFile|FileIO|iterparse|get_data)$"
@@ -529,10 +529,10 @@ OPENED_ELSEWHERE = {
     },
     "web/page_server.py": {"path.read_bytes": OWN},
 }
-"""Where a file is opened otherwise than by the opener, with the reason."""
+"""The modules that open a file without the opener, with the reason."""
 
 
-def test_what_others_name_is_read_by_the_opener_alone():
+def test_only_the_opener_opens_files():
     found = {
         name_of(path): names
         for path in FILES
@@ -542,15 +542,15 @@ def test_what_others_name_is_read_by_the_opener_alone():
     assert found == {path: names.keys() for path, names in OPENED_ELSEWHERE.items()}
 
 
-def test_each_reader_of_files_is_in_the_table_of_hostile_ones():
-    """Add a surface of a new reader to `SURFACES`: it is then tried with pipes, links, long names, a million elements, and so on."""
+def test_each_file_reader_is_tested_with_hostile_files():
+    """If this fails, add a surface of the new reader to `SURFACES`, which tests it with pipes, links, long names, and so on."""
     tried = {reader for surface in SURFACES.values() for reader in surface.readers}
     readers = set().union(*(facts_of(path).readers for path in FILES))
     assert readers == tried | TRIED_ELSEWHERE.keys()
 
 
-# Where a node is said what it is, or is written: nowhere else does a text of the code name one.
-HOMES = (
+# The modules that define or write nodes. No other module may name a node in a string.
+NODE_MODULES = (
     "nodes/language/",  # what each tag means
     "nodes/btcpp/",  # writes trees in BehaviorTree.CPP's nodes
     "nodes/nav2/",  # what each tag of Nav2 means
@@ -582,7 +582,7 @@ NAMED_ELSEWHERE = {
 
 
 def texts_in(nodes):
-    """Yield the texts of a file's code, with the line: no docstrings, no annotations, no parts of messages."""
+    """Yield the strings of a file's code with the line, without docstrings, annotations and parts of messages."""
     passed: set[ast.AST] = set()
     for node in nodes:
         if isinstance(node, ast.Expr):
@@ -596,14 +596,14 @@ def texts_in(nodes):
             yield node.value, node.lineno
 
 
-def test_no_text_outside_its_home_names_a_node():
+def test_node_tags_are_named_only_in_their_modules():
     known = load_registry(palettes=palette_names())
     former = {tag for spec in known.specs() for tag in spec.former_tags}
     tags = {*known.by_tag(), *former, "SubTree"}
     named = [
         (name, text, f"{path}:{line} names <{text}>; ask its record (nodes.semantics)")
         for path in FILES
-        if not (name := name_of(path)).startswith(HOMES)
+        if not (name := name_of(path)).startswith(NODE_MODULES)
         for text, line in facts_of(path).texts
         if text in tags
     ]
@@ -612,9 +612,9 @@ def test_no_text_outside_its_home_names_a_node():
     assert allowed - {(name, text) for name, text, _ in named} == set()
 
 
-OF_A_MISSION = re.compile(r"\w*(?:zone|survivor|rescue|base_station)\w*|\bhome\b", re.IGNORECASE)
-"""Words of the mission that ships, which no room that shows, keeps or runs any mission knows."""
-SAID_ELSEWHERE = {
+MISSION_WORD = re.compile(r"\w*(?:zone|survivor|rescue|base_station)\w*|\bhome\b", re.IGNORECASE)
+"""Words of the shipped mission, which packages that show, store or run any mission must not contain."""
+MISSION_WORDS_ELSEWHERE = {
     "journal/display.py": {"timezone"},
     "reports/report_exchange.py": {"timezone", "RESCUE"},  # a category of the Common Alerting Protocol
     "reports/report_html.py": {"astimezone"},
@@ -626,15 +626,15 @@ SAID_ELSEWHERE = {
 }
 
 
-def test_no_word_of_a_mission_stands_outside_its_folder():
-    rooms = ("journal", "views", "web", "groot2", "ros", "sim", "cli", "execution", "reports", "analysis")
+def test_mission_words_occur_only_in_mission_package():
+    packages = ("journal", "views", "web", "groot2", "ros", "sim", "cli", "execution", "reports", "analysis")
     said = {
         name: words
         for path in (*FILES, *PACKAGE.glob("web/static/*.*"))
-        if (name := name_of(path)).startswith(rooms)
-        and (words := set(OF_A_MISSION.findall(path.read_text(encoding="utf-8"))))
+        if (name := name_of(path)).startswith(packages)
+        and (words := set(MISSION_WORD.findall(path.read_text(encoding="utf-8"))))
     }
-    assert said == SAID_ELSEWHERE
+    assert said == MISSION_WORDS_ELSEWHERE
 
 
 NAMED_COLOURS = "white|black|gr[ae]y|red|green|blue|orange|yellow|cyan|gold|purple"
@@ -643,15 +643,15 @@ COLOUR = re.compile(
     rf"|\b(?:fill|fillcolor|color|stroke|background)[\"']?\s*[:=]\s*[\"']?(?:{NAMED_COLOURS})\b",
     re.IGNORECASE,
 )
-"""A colour as CSS, SVG, Graphviz or Mermaid write it."""
+"""A colour in CSS, SVG, Graphviz or Mermaid."""
 COLOURED_ELSEWHERE = {
     "sar_compiler/web/static/icon.svg": "the tab of a browser draws it without the page's stylesheet",
 }
-# CodeMirror, as `make editor` bundles it: not ours to style, and there only where it was built.
+# `make editor` bundles CodeMirror, whose style is not ours. The file exists only after that.
 BUNDLED = PACKAGE / "studio/static/codemirror.js"
 
 
-def test_no_colour_stands_outside_its_home():
+def test_colours_are_defined_only_in_style_package():
     drawn = (
         *(PACKAGE.rglob(f"*.{ending}") for ending in ("py", "css", "js", "html", "svg")),
         Path("docs/pictures").glob("*.py"),
@@ -664,7 +664,7 @@ def test_no_colour_stands_outside_its_home():
     assert coloured == {"sar_compiler/style/__init__.py", *COLOURED_ELSEWHERE}
 
 
-def test_no_stylesheet_names_a_colour_that_there_is_not():
+def test_stylesheets_use_exactly_the_defined_colours():
     sizes = {"large", "title", "body", "small"}
     own = {"level", "map", *sizes, *COLOURS}
     used = {
@@ -673,11 +673,11 @@ def test_no_stylesheet_names_a_colour_that_there_is_not():
         for name in re.findall(r"var\(--([a-z-]+)", path.read_text(encoding="utf-8"))
     }
     assert {(path, name) for path, name in used if name not in own} == set()
-    # The shapes of nodes are named by what draws them.
+    # Every colour is used by a stylesheet.
     assert {*COLOURS} - {name for _, name in used} == set()
 
 
-def test_what_a_journal_takes_is_imported_only_where_one_is_kept():
+def test_journal_modules_are_imported_only_with_a_journal():
     program = (
         "import sys\n"
         "import sar_compiler.execution.run_journal, search_and_rescue.plugin\n"
@@ -690,7 +690,7 @@ def test_what_a_journal_takes_is_imported_only_where_one_is_kept():
 
 
 @pytest.mark.ros
-def test_what_shows_and_reports_a_run_is_imported_only_where_that_is_asked_for():
+def test_view_and_report_libraries_are_imported_only_on_request():
     program = (
         "import sys, sar_compiler.execution.node_run\n"
         "print(*sorted({'rich', 'pyproj', 'sqlite3', 'sar_compiler.journal.mission_state'} & set(sys.modules)))\n"
@@ -699,15 +699,15 @@ def test_what_shows_and_reports_a_run_is_imported_only_where_that_is_asked_for()
     assert (done.stdout, done.stderr) == ("\n", "")
 
 
-HOUSE = Path("docs/contributing/architecture.md").read_text(encoding="utf-8")
-HOW_TO_ADD = HOUSE.partition("\n## How to add\n")[2].split("\n## ")[0]
-# What looks like a file: with a folder, or with an ending.
+ARCHITECTURE = Path("docs/contributing/architecture.md").read_text(encoding="utf-8")
+HOW_TO_ADD = ARCHITECTURE.partition("\n## How to add\n")[2].split("\n## ")[0]
+# A text that looks like a file: it has a folder or a suffix.
 NAMED_FILE = re.compile(r"[\w.]+/[\w./-]*|[\w-]+\.(?:py|js|md|toml|yaml|xml|json|css|html)")
 NAMED_MODULE = re.compile(r"([a-z]\w*)((?:\.[a-z]\w*)+)")
 
 
 def find_named(name):
-    """Return what a name in the code font stands for: a path (capitals stand for anything), or a module of a room; None for no such name."""
+    """Return the files that a code span names: a path (capitals are a wildcard) or a module of a package; None for other spans."""
     if NAMED_FILE.fullmatch(name):
         return [each for root in (Path(), PACKAGE) for each in root.glob(re.sub("[A-Z]{3,}", "*", name))]
     module = NAMED_MODULE.fullmatch(name)
@@ -717,11 +717,11 @@ def find_named(name):
     return None
 
 
-def test_every_method_that_the_page_of_the_house_names_is_in_the_class_s_module():
+def test_methods_named_on_architecture_page_exist():
     texts = [path.read_text(encoding="utf-8") for path in FILES]
     missing = [
         f"{of}.{name}"
-        for of, name in re.findall(r"`([A-Z]\w+)\.(\w+)", HOUSE)
+        for of, name in re.findall(r"`([A-Z]\w+)\.(\w+)", ARCHITECTURE)
         if not any(re.search(rf"^class {of}\b(?s:.*)\b{name}\b", text, re.MULTILINE) for text in texts)
     ]
     assert missing == []
@@ -736,7 +736,7 @@ def test_every_file_named_under_how_to_add_exists(entry):
 
 
 def groups_that_import_each_other(imports):
-    """Return the groups of modules each of which imports every other, directly or by others (Tarjan's algorithm)."""
+    """Return the groups of modules that import each other directly or indirectly (Tarjan's algorithm)."""
     index, low = dict[str, int](), dict[str, int]()
     stack, groups = list[str](), list[frozenset[str]]()
 
@@ -759,15 +759,15 @@ def groups_that_import_each_other(imports):
     return {group for group in groups if len(group) > 1}
 
 
-def test_a_circle_of_imports_is_found():
+def test_import_cycle_is_detected():
     assert groups_that_import_each_other({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == {
         frozenset("abc")
     }
     assert groups_that_import_each_other({"a": {"b", "c"}, "b": {"c"}, "c": set()}) == set()
 
 
-def test_modules_import_each_other_in_no_circle():
-    """Neither where they are loaded, nor in functions, nor for types."""
+def test_modules_have_no_import_cycles():
+    """Imports at module level, in functions, and for types count."""
     modules = {
         ".".join(Path(name_of(path)).with_suffix("").parts).removesuffix(".__init__"): path
         for path in FILES
@@ -794,8 +794,8 @@ INTERFACES = {
     "read", "resume", "root", "run", "setup", "shutdown", "start", "step", "stop", "stop_first", "stop_last", "terminate", "tick",
     "update", "write",
 }  # fmt: skip
-"""Names of methods that several classes have: of py_trees' behaviours, kernel nodes, leaves, clocks, simulated devices, listeners and
-run extensions, or as containers and files have them."""
+"""Names of methods that many classes have: py_trees' behaviours, kernel nodes, leaves, clocks, simulated devices, listeners and
+run extensions, or classes that act like containers and files."""
 PREPOSITION = re.compile(
     r"about|above|after|against|along|around|as|at|before|behind|below|beside|between|by|for|from|in|into|of|on|onto|over|since"
     r"|through|to|under|until|upon|with|within|without"
@@ -819,7 +819,7 @@ NOUNS = {
 }
 
 
-def test_a_method_that_many_classes_have_is_a_listed_interface():
+def test_method_of_many_classes_is_a_listed_interface():
     classes = collections.Counter(
         name for path in FILES for names in facts_of(path).methods for name in names
     )
@@ -828,7 +828,7 @@ def test_a_method_that_many_classes_have_is_a_listed_interface():
     assert {name for name in INTERFACES if classes[name] <= 5} == set()
 
 
-def test_the_name_of_a_function_is_no_bare_participle_or_preposition():
+def test_function_name_is_no_bare_participle_or_preposition():
     names = {
         given
         for path in FILES

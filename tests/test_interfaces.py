@@ -1,4 +1,4 @@
-"""The interface packages built into the environment are those that real robots speak."""
+"""Tests that the interface packages in the environment match those of real robots."""
 
 import json
 import sys
@@ -26,14 +26,14 @@ HASHES = {
 
 @pytest.mark.ros
 @pytest.mark.parametrize("name", HASHES)
-def test_the_type_hash_is_the_one_on_the_wire(name):
+def test_type_hash_matches_the_one_on_the_wire(name):
     description = json.loads((Path(sys.prefix) / "share" / f"{name}.json").read_text(encoding="utf-8"))
     hashes = {entry["type_name"]: entry["hash_string"] for entry in description["type_hashes"]}
     assert hashes[name] == HASHES[name]
 
 
 @pytest.mark.ros
-def test_the_result_of_a_goal_has_the_fields_that_leaves_read():
+def test_goal_result_has_the_fields_that_leaves_read():
     from nav2_msgs.action import NavigateToPose
 
     assert NavigateToPose.Result.get_fields_and_field_types() == {
@@ -43,7 +43,7 @@ def test_the_result_of_a_goal_has_the_fields_that_leaves_read():
     assert NavigateToPose.Result.NONE == 0
 
 
-def test_the_stand_ins_lie_outside_of_what_a_robot_builds():
+def test_stand_in_interfaces_are_outside_the_folder_that_robots_build():
     assert sorted(path.name for path in Path("interfaces").iterdir()) == ["sar_interfaces"]
     assert sorted(path.parent.name for path in Path("pip_interfaces").glob("*/package.xml")) == [
         "bond",

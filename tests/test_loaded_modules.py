@@ -1,4 +1,4 @@
-"""The commands of a checker load no part of a robot's: the modules are counted in processes that run these commands."""
+"""Tests that checking commands load no robot modules, and that short commands load no slow ones."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ from sar_compiler.journal.journal_opening import open_journal
 from tests.trees import document
 from tests.views.flown import Said, flown, simulated
 
-# The parts that these commands do without, each with the modules of it that are loaded all the same.
+# The packages that these commands must not load, each with the allowed exceptions.
 FORBIDDEN: dict[str, set[str]] = {
     "sar_compiler.agent": set(),
     "sar_compiler.execution": set(),
@@ -24,11 +24,11 @@ FORBIDDEN: dict[str, set[str]] = {
     "sar_compiler.ros": set(),
     "sar_compiler.sim": set(),
     "sar_compiler.web": set(),
-    # An installed package of leaves: its entry point declares them.
+    # An installed package of leaves, whose entry point declares them.
     "search_and_rescue": {"search_and_rescue"},
     "rclpy": set(),
 }
-# Scripts, clocks and keys are handed over to nodes like the objects of a mission.
+# Scripts, clocks and keys are passed to nodes like the objects of a mission.
 TREE = '<Sequence><Script code="a := 1"/><Timeout msec="5000"><Sleep msec="5"/></Timeout><A name="Drive"/></Sequence>'
 NODES = ("--nodes", "tests.analysis.verify.leaves")
 SHIPPED = "search_and_rescue"
@@ -53,7 +53,7 @@ sys.exit(status)
 @pytest.mark.parametrize(
     ("module", "command", "file"), COMMANDS, ids=[" ".join(each[1:]) for each in COMMANDS]
 )
-def test_a_command_of_a_checker_loads_no_part_of_a_robot(module, command, file, tmp_path):
+def test_checking_command_loads_no_robot_modules(module, command, file, tmp_path):
     tree = tmp_path / "tree.xml"
     tree.write_text(document(TREE), encoding="utf-8")
     if command == "why":
@@ -76,7 +76,7 @@ def test_a_command_of_a_checker_loads_no_part_of_a_robot(module, command, file, 
     assert {part: sorted(modules) for part, modules in found.items() if modules} == {}
 
 
-SHORT = {
+SHORT_COMMANDS = {
     "sar-compile --help": ("compile", 0),
     "sar-compile --version": ("compile", 0),
     "sar-compile validate none.xml": ("compile", 2),
@@ -84,8 +84,8 @@ SHORT = {
     "sar-run --help": ("run", 0),
     "sar-run none.xml": ("run", 2),
 }
-"""Commands that are answered at once, each with the module of its command and its status."""
-LONG = (
+"""Commands that end at once, with the module of the command and the exit status."""
+SLOW_MODULES = (
     "importlib.metadata",
     "lxml",
     "py_trees",
@@ -94,12 +94,12 @@ LONG = (
     "sar_compiler.checks",
     "sar_compiler.nodes",
 )
-"""What takes longer to import than they take."""
+"""Modules whose import takes longer than these commands."""
 
 
-@pytest.mark.parametrize("command", SHORT)
-def test_what_is_answered_at_once_imports_nothing_that_takes_long(command, tmp_path):
-    module, status = SHORT[command]
+@pytest.mark.parametrize("command", SHORT_COMMANDS)
+def test_short_command_imports_no_slow_module(command, tmp_path):
+    module, status = SHORT_COMMANDS[command]
     program = (
         "import atexit, os, sys; from sar_compiler.cli.{0} import main\n"
         "try: status = main(sys.argv[1:])\n"
@@ -115,5 +115,5 @@ def test_what_is_answered_at_once_imports_nothing_that_takes_long(command, tmp_p
     )
     loaded = done.stderr.splitlines()[-1].split()
     assert done.returncode == status, done.stderr
-    assert [each for each in LONG if each in loaded] == []
+    assert [each for each in SLOW_MODULES if each in loaded] == []
     assert len(loaded) < 220

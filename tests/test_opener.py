@@ -1,4 +1,4 @@
-"""The one way into files: what is read is what was checked, whatever stands under the name by then."""
+"""Tests of the opener: it reads the file that was checked, even if the name refers to another file by then."""
 
 import os
 import pickle
@@ -38,7 +38,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_content_comes_with_where_it_lies_and_which_file_it_is(folder):
+def test_content_has_real_path_and_identity_of_file(folder):
     Path("link").symlink_to("inside/file")
     first, second = read_file("link", DOCUMENT), read_file("inside/file", DOCUMENT)
     assert (first.path, first.real_path, first.data) == (Path("link"), folder / "inside" / "file", b"open")
@@ -47,7 +47,7 @@ def test_a_content_comes_with_where_it_lies_and_which_file_it_is(folder):
     assert read_file("link", DOCUMENT).identity != first.identity
 
 
-def test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on():
+def test_file_at_limit_is_complete_and_larger_one_is_not_read_further():
     Path("file").write_bytes(b"x" * 10)
     assert read_file("file", SMALL).all_bytes() == b"x" * 10
     Path("file").write_bytes(b"x" * 1000)
@@ -59,7 +59,7 @@ def test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on():
         content.all_bytes()
 
 
-def test_a_text_is_utf_8_without_its_mark_or_says_which_byte_is_not():
+def test_text_is_decoded_without_bom_and_invalid_byte_is_reported():
     Path("file").write_bytes(b"\xef\xbb\xbfa")
     assert read_file("file", SMALL).decode() == "a"
     Path("file").write_bytes(b"a\xff")
@@ -68,17 +68,17 @@ def test_a_text_is_utf_8_without_its_mark_or_says_which_byte_is_not():
 
 
 @pytest.mark.parametrize("name", ["a\0b", "a\ud800b", "x" * 300, "d/" * 3000])
-def test_a_name_that_no_file_can_have_is_an_error_in_words(name):
+def test_impossible_file_name_is_an_unreadable_file_error(name):
     with pytest.raises(UnreadableFileError, match="cannot read "):
         read_file(name, DOCUMENT)
 
 
-def test_a_missing_file_is_told_apart():
+def test_missing_file_has_its_own_error():
     with pytest.raises(MissingFileError, match="cannot read nowhere: No such file or directory"):
         read_file("nowhere", DOCUMENT)
 
 
-def test_the_pipe_of_a_shell_is_read_to_its_end():
+def test_shell_pipe_is_read_to_its_end():
     reading, writing = os.pipe()
     os.write(writing, b"open")
     os.close(writing)
@@ -86,7 +86,7 @@ def test_the_pipe_of_a_shell_is_read_to_its_end():
     os.close(reading)
 
 
-def test_the_pipe_of_a_shell_waits_for_its_writer():
+def test_reader_of_shell_pipe_waits_for_its_writer():
     reading, writing = os.pipe()
     found = []
     reader = threading.Thread(target=lambda: found.append(read_file(f"/dev/fd/{reading}", DOCUMENT).data))
@@ -111,33 +111,33 @@ def links(folder):
 
 
 @pytest.mark.usefixtures("links")
-class TestBeneathAFolder:
+class TestConfinedPath:
     @pytest.mark.parametrize("path", INSIDE)
-    def test_links_that_stay_inside_are_followed(self, path, folder):
+    def test_links_inside_the_folder_are_followed(self, path, folder):
         named = NamedPath.confined_to(Path(path), [folder / "inside"])
         assert read_file(named, DOCUMENT).data == b"open"
 
     @pytest.mark.parametrize("path", OUTSIDE)
-    def test_what_leads_outside_is_not_read_whether_it_is_there_or_not(self, path, folder):
+    def test_path_outside_the_folder_is_not_read_even_if_missing(self, path, folder):
         named = NamedPath.confined_to(Path(path), [folder / "inside"])
         with pytest.raises(PathOutsideError, match=f"it is outside {folder}/inside$"):
             read_file(named, DOCUMENT)
 
-    def test_a_pipe_of_the_shell_lies_in_no_folder(self, folder):
+    def test_shell_pipe_is_outside_every_folder(self, folder):
         reading, writing = os.pipe()
         with pytest.raises(PathOutsideError):
             read_file(NamedPath.confined_to(Path(f"/dev/fd/{reading}"), [folder]), DOCUMENT)
         os.close(reading)
         os.close(writing)
 
-    def test_another_process_is_told_the_folders_as_well(self, folder):
+    def test_pickled_path_keeps_its_folders(self, folder):
         named = pickle.loads(pickle.dumps(NamedPath.confined_to(Path("secret"), [folder / "inside"])))  # noqa: S301
         assert named == Path("secret")
         with pytest.raises(PathOutsideError):
             read_file(named, DOCUMENT)
 
     @pytest.mark.parametrize("path", [*INSIDE, *OUTSIDE])
-    def test_where_the_system_has_no_handles_the_same_is_read(self, path, folder, monkeypatch):
+    def test_confinement_is_the_same_without_file_handles(self, path, folder, monkeypatch):
         monkeypatch.setattr(opener, "_HANDLE_ONLY", None)
         monkeypatch.setattr(opener, "_DESCRIPTORS", folder / "no_proc")
         named = NamedPath.confined_to(Path(path), [folder / "inside"])
@@ -149,7 +149,7 @@ class TestBeneathAFolder:
 
 
 @pytest.mark.parametrize("exchanged", ["inside/file", "inside"])
-def test_a_link_that_appears_after_its_path_was_resolved_is_not_followed(folder, monkeypatch, exchanged):
+def test_link_created_after_path_resolution_is_not_followed(folder, monkeypatch, exchanged):
     monkeypatch.setattr(opener, "_HANDLE_ONLY", None)
     monkeypatch.setattr(opener, "_DESCRIPTORS", folder / "no_proc")
     outside = folder / "outside"
@@ -164,10 +164,8 @@ def test_a_link_that_appears_after_its_path_was_resolved_is_not_followed(folder,
 
 
 @pytest.mark.parametrize("has_handles", [True, False])
-def test_what_is_exchanged_between_the_check_and_the_opening_is_never_read_outside(
-    folder, monkeypatch, has_handles
-):
-    """A thread exchanges the file for a link and back, as fast as it can: hundreds of times in these reads."""
+def test_file_replaced_between_check_and_open_is_never_read_outside(folder, monkeypatch, has_handles):
+    """A thread replaces the file by a link and back hundreds of times during the reads."""
     if not has_handles:
         monkeypatch.setattr(opener, "_HANDLE_ONLY", None)
         monkeypatch.setattr(opener, "_DESCRIPTORS", folder / "no_proc")
@@ -186,7 +184,7 @@ def test_what_is_exchanged_between_the_check_and_the_opening_is_never_read_outsi
     named, read = NamedPath.confined_to(Path("inside/file"), [folder / "inside"]), {b"open": 0, b"": 0}
     try:
         while read[b"open"] < 200 or len(rounds) < 200:
-            # Between opening it anew and writing into it the file is empty.
+            # The new file is empty until the thread has written to it.
             with suppress(UnreadableFileError):
                 read[read_file(named, DOCUMENT).data] += 1
     finally:
@@ -214,7 +212,7 @@ for folder in ["inside", "."]:
 """
 
 
-def test_a_confined_process_reads_what_lies_in_its_folders_and_what_is_installed():
+def test_confined_process_reads_only_its_folders_and_installed_files():
     Path("inside/out").symlink_to("../secret")
     done = subprocess.run([sys.executable, "-c", CONFINED], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [
@@ -227,7 +225,7 @@ def test_a_confined_process_reads_what_lies_in_its_folders_and_what_is_installed
     ]
 
 
-def test_what_another_library_opens_must_be_a_file():
+def test_require_regular_refuses_a_pipe():
     require_regular("inside/file")
     os.mkfifo("pipe")
     with pytest.raises(UnreadableFileError, match="it is a pipe, not a file"):
@@ -235,7 +233,7 @@ def test_what_another_library_opens_must_be_a_file():
 
 
 @pytest.mark.parametrize("lists_descriptors", [True, False])
-def test_another_library_opens_the_file_that_was_checked_or_none(monkeypatch, lists_descriptors):
+def test_open_by_name_opens_the_checked_file_or_fails(monkeypatch, lists_descriptors):
     path = Path("inside/file")
     if not lists_descriptors:
         monkeypatch.setattr(opener, "_open_files", set)
@@ -257,7 +255,7 @@ def test_another_library_opens_the_file_that_was_checked_or_none(monkeypatch, li
     assert others[0].closed
 
 
-def test_the_entries_of_a_folder_are_sorted_and_a_file_has_none():
+def test_folder_entries_are_sorted_and_a_file_has_none():
     assert folder_entries(Path()) == [Path("inside"), Path("secret")]
     with pytest.raises(UnreadableFileError, match="cannot read secret: Not a directory"):
         folder_entries(Path("secret"))

@@ -1,4 +1,4 @@
-"""Each part of the package can be taken away: what does not need it works, and what needs it says which part is missing."""
+"""Tests of the package without one part: commands that do not need the part work, and others name the missing part."""
 
 import json
 import shutil
@@ -16,8 +16,8 @@ from tests.trees import document
 from tests.views.flown import Said, flown, simulated
 
 TREE = '<Sequence><Script code="a := 1"/><Sleep msec="5"/><ScriptCondition code="a == 1"/></Sequence>'
-OURS = Path("sar_compiler")
-# With which modules of the command line, and with which parts, each command works: its words, and the parts that it takes.
+PACKAGE = Path("sar_compiler")
+# The module of the command line and the required parts of each command.
 COMPILE, JOURNAL = "sar_compiler.cli.compile", "sar_compiler.cli.journal_command"
 COMMANDS = {
     "validate tree.xml": (COMPILE, set()),
@@ -42,7 +42,7 @@ COMMANDS = {
     "why run.journal": (JOURNAL, {"journal", "reports", "views"}),
     "import delivery_failed -o imported.journal": (JOURNAL, {"importing", "journal", "views"}),
 }
-# What a command says without a part that it takes.
+# The text in the error of a command without a part that it needs.
 MISSING = "sar_compiler.{}"
 _PROGRAM = """
 import glob, importlib, json, os, pkgutil, re, sys
@@ -112,7 +112,7 @@ for part, place in places.items():
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """A folder with a tree, a scenario, and the journal of a run of the tree."""
+    """Return a folder with a tree, a scenario, and the journal of a run of the tree."""
     folder = tmp_path_factory.mktemp("parts")
     tree = folder / "tree.xml"
     tree.write_text(document(TREE), encoding="utf-8")
@@ -123,11 +123,11 @@ def files(tmp_path_factory):
     return folder
 
 
-def without(part, folder):
-    """Copy the package, and take a part away; return the folder in which the copy is."""
+def copy_without(part, folder):
+    """Copy the package without a part; return the folder of the copy."""
     place = folder / (part or "whole")
     ignored = shutil.ignore_patterns(part) if part else None
-    shutil.copytree(OURS, place / OURS.name, ignore=ignored, dirs_exist_ok=True)
+    shutil.copytree(PACKAGE, place / PACKAGE.name, ignore=ignored, dirs_exist_ok=True)
     for path in (
         *map(Path, ("package.xml", "trees", "examples", "schemas", "config", "docs", "search_and_rescue")),
         *Path().glob("*.so"),
@@ -137,8 +137,8 @@ def without(part, folder):
 
 
 @pytest.mark.costly
-def test_without_a_part_the_other_commands_work_and_its_own_say_what_is_missing(files):
-    places = {part: without(part, files) for part in ("", *sorted(PARTS))}
+def test_commands_without_a_part_work_or_name_the_missing_part(files):
+    places = {part: copy_without(part, files) for part in ("", *sorted(PARTS))}
     modules = {command: module for command, (module, _) in COMMANDS.items()}
     asked = [{part: str(place) for part, place in places.items()}, [*CORE], modules]
     done = subprocess.run(

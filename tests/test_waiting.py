@@ -1,4 +1,4 @@
-"""The means of waiting themselves: they go on as long as something moves, and a promise to end in time is kept."""
+"""Tests of `tests.waiting` and `tests.processes`: waits continue while there is news, and time limits are enforced."""
 
 import itertools
 import os
@@ -15,7 +15,7 @@ from tests.processes import Command
 from tests.waiting import Delay, News
 
 
-def test_a_wait_goes_on_as_long_as_there_is_news():
+def test_wait_continues_while_there_is_news():
     news = News()
     told = []
 
@@ -31,14 +31,14 @@ def test_a_wait_goes_on_as_long_as_there_is_news():
         news.wait_until(lambda: len(told) == 25, lambda: f"only {told} came", silence_sec=2.0)
 
 
-def test_a_wait_ends_with_its_complaint_when_nothing_moves():
+def test_wait_without_news_fails_with_complaint():
     news = News()
     with news, pytest.raises(AssertionError, match="nothing came"):
         news.wait_until(lambda: False, lambda: "nothing came", silence_sec=0.05)
 
 
-class Delayed:
-    """A delay of 20 s at each look."""
+class FakeDelay:
+    """A delay that grows by 20 s at each reading."""
 
     def __init__(self, pid):
         assert pid == 7
@@ -48,10 +48,10 @@ class Delayed:
         self.sec += 20.0
 
 
-def test_who_computes_in_silence_is_waited_for_while_others_have_the_processor(monkeypatch):
+def test_silent_process_gets_more_time_while_it_waits_for_processor(monkeypatch):
     clock = itertools.count(0.0, 20.0)
     monkeypatch.setattr("tests.waiting.time", SimpleNamespace(monotonic=clock.__next__))
-    monkeypatch.setattr("tests.waiting.Delay", Delayed)
+    monkeypatch.setattr("tests.waiting.Delay", FakeDelay)
     asked = itertools.count()
     news = News()
     with news:
@@ -70,7 +70,7 @@ while True:
 """
 
 
-def test_a_command_that_ends_later_than_it_promises_fails_the_test_with_where_it_is():
+def test_command_that_ends_too_late_fails_with_its_stack():
     command = Command("python", "-c", LINGERING).wait_for("ready")
     with pytest.raises(
         AssertionError, match=r"(?s)python has not ended after (0\.[3-9]|[1-9]).*line 4 in linger"
@@ -78,7 +78,7 @@ def test_a_command_that_ends_later_than_it_promises_fails_the_test_with_where_it
         command.stop(within_sec=0.3)
 
 
-def test_a_command_that_ends_without_the_line_that_is_waited_for_is_not_waited_for():
+def test_wait_for_line_fails_when_command_ends_without_it():
     with pytest.raises(AssertionError, match="ended without printing 'more'"):
         Command("python", "-c", "print('once')").wait_for("more")
 
@@ -86,7 +86,7 @@ def test_a_command_that_ends_without_the_line_that_is_waited_for_is_not_waited_f
 BUSY = "while True: pass"
 
 
-def test_the_time_that_others_have_the_processor_is_known():
+def test_delay_measures_waiting_for_the_processor():
     processor = {min(os.sched_getaffinity(0))}
     others = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(2)]
     try:

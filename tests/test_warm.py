@@ -1,4 +1,4 @@
-"""A command that is forked is what it would be if it was started, but for what it has imported."""
+"""Tests that a forked command equals a started one, except for imported modules."""
 
 import json
 import os
@@ -48,7 +48,7 @@ SURROUNDINGS = {
 
 @pytest.fixture
 def program(tmp_path, monkeypatch):
-    """Return a function that writes a program, which tells what its process is before it ends."""
+    """Return a function that writes a program that prints the properties of its process."""
 
     def write(end=""):
         path = tmp_path / "program"
@@ -60,10 +60,10 @@ def program(tmp_path, monkeypatch):
     return write
 
 
-def begun(begin, path, *, words=(), typed="", **how):
-    """Begin a program; return its status, what it has told of itself, and what else it has written."""
+def run_program(begin, path, *, words=(), typed="", **how):
+    """Run a program; return its status, the properties that it printed, and its other output."""
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    # By default a process is started with what libraries have put past `os.environ`, too.
+    # The default environment would include variables that libraries set without `os.environ`.
     process = begin([path, *words], **{"env": dict(os.environ), "text": True, **pipes, **how})
     output, errors = process.communicate(typed, timeout=60.0)
     told, _, rest = output.partition("\n")
@@ -71,9 +71,12 @@ def begun(begin, path, *, words=(), typed="", **how):
 
 
 @pytest.mark.parametrize("how", SURROUNDINGS.values(), ids=list(SURROUNDINGS))
-def test_a_fork_has_what_a_process_has_that_was_started(program, how):
+def test_forked_process_equals_started_process(program, how):
     path = program()
-    (status, forked, rest), (_, started, _) = begun(warm.Popen, path, **how), begun(START, path, **how)
+    (status, forked, rest), (_, started, _) = (
+        run_program(warm.Popen, path, **how),
+        run_program(START, path, **how),
+    )
     assert (status, rest) == (0, "True\n")
     assert {name: (told, started[name]) for name, told in forked.items() if told != started[name]} == {}
 
@@ -92,9 +95,9 @@ def test_a_fork_has_what_a_process_has_that_was_started(program, how):
         ("signal.raise_signal(signal.SIGINT)", -signal.SIGINT),
     ],
 )
-def test_it_ends_as_that_does(program, end, status):
+def test_forked_process_ends_like_started_process(program, end, status):
     path = program(end)
-    (forked, _, rest), (started, _, expected) = begun(warm.Popen, path), begun(START, path)
+    (forked, _, rest), (started, _, expected) = run_program(warm.Popen, path), run_program(START, path)
     assert (forked, started) == (status, status)
     assert rest.splitlines()[-1] == expected.replace("False", "True").splitlines()[-1]
 
@@ -109,10 +112,10 @@ def test_it_ends_as_that_does(program, end, status):
     ],
     ids=" ".join,
 )
-def test_what_python_would_start_otherwise_for_is_started(program, how):
-    assert begun(warm.Popen, program(), **how)[2] == "False\n"
+def test_process_with_special_options_is_started_not_forked(program, how):
+    assert run_program(warm.Popen, program(), **how)[2] == "False\n"
 
 
-def test_a_folder_that_is_not_there_is_an_error_of_whoever_begins_it(program):
+def test_missing_folder_raises_in_the_caller(program):
     with pytest.raises(FileNotFoundError):
         warm.Popen([program()], cwd="/nowhere/at/all")

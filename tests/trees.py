@@ -10,7 +10,7 @@ from sar_compiler.tree.xml import parse_xml
 
 
 def class_of(spec: NodeSpec) -> type | None:
-    """Return the class of a node; None where the installed py_trees is too old to have it."""
+    """Return the class of a node; None if the installed py_trees is too old to have it."""
     try:
         return spec.cls
     except AttributeError:
@@ -18,12 +18,12 @@ def class_of(spec: NodeSpec) -> type | None:
 
 
 def document(body: str, main: str = "Main") -> str:
-    """Return a file with one tree; the tree's own lines begin in line 3."""
+    """Return a file with one tree, whose nodes start in line 3."""
     return f'<root BTCPP_format="4">\n<BehaviorTree ID="{main}">\n{body}\n</BehaviorTree>\n</root>\n'
 
 
 def write(path: str | Path, *content: str, main: str = "") -> None:
-    """Write a file with some content, line by line, and the folders that it needs."""
+    """Write a tree file with some lines of content; create missing folders."""
     named = f' main_tree_to_execute="{main}"' if main else ""
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_text(
@@ -37,10 +37,10 @@ def forest(body: str) -> Forest:
 
 
 def forest_of(text: str) -> Forest:
-    """Read a file by itself, from its text."""
+    """Read a file without included files from its text."""
     return Forest.from_file(parse_xml(text, "test.xml"))
 
 
 def errors(forest, registry, palettes=()):
-    """Return what keeps a file from meaning something; warnings are the business of `tests/checks`."""
+    """Return the errors of a file; `tests/checks` tests the warnings."""
     return [finding for finding in check(forest, registry, palettes) if finding.severity is Severity.ERROR]

@@ -1,4 +1,4 @@
-"""Waiting on a machine that may be busy: as long as something moves, and by the time that a process was given."""
+"""Waiting on a busy machine: limits depend on progress, and on the processor time that a process received."""
 
 import os
 import threading
@@ -6,33 +6,33 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-# What has brought nothing new for so long will not come, however busy the machine is.
+# Seconds without news after which a wait fails, however busy the machine is.
 SILENCE_SEC = 60.0
-# What has brought news for so long, and never what is waited for, goes round in circles.
+# Seconds after which a wait fails in any case: there is news, but never the expected one.
 ENDLESS_SEC = 600.0
 
 
 class News(threading.Condition):
-    """A condition that counts what happens; whoever waits gives up when nothing has happened for long."""
+    """A condition variable that counts news. A wait fails if there is no news for long."""
 
     def __init__(self):
         super().__init__()
         self._count = 0
 
     def tell(self):
-        """Say, holding the lock, that something has happened."""
+        """Report news; the caller holds the lock."""
         self._count += 1
         self.notify_all()
 
     def wait_until(self, wanted, complaint, silence_sec=SILENCE_SEC, pid=None):
-        """Wait, holding the lock, until something is so, and return it; fail with a complaint when nothing moves any more.
+        """Wait, holding the lock, until a function returns a true value, and return it; fail if there is no news for long.
 
         Args:
-            wanted: Returns what is waited for, or nothing yet; called at every news, and ten times a second.
-            complaint: Returns what is said if it never is.
-            silence_sec: How long nothing may happen, seconds.
-            pid: Whose news it is; by default this process's. What it waits for a processor, once half of that has
-                passed, does not count: who computes in silence has no more to say for that.
+            wanted: Returns the result, or a false value; called at every news, and ten times a second.
+            complaint: Returns the message of the failure.
+            silence_sec: The longest time without news, seconds.
+            pid: The process that makes the news; by default this one. After half of the time, its waiting for a processor
+                is not counted, because a process that computes silently is slower on a busy machine.
         """
         began = heard = time.monotonic()
         count, others = self._count, None
@@ -51,9 +51,9 @@ class News(threading.Condition):
 
 
 class Delay:
-    """How long the threads of a process waited for a processor, from now on, because others had them.
+    """The time that the threads of a process wait for a processor from now on.
 
-    Where the kernel does not tell, it is nothing.
+    It is 0 if the kernel does not report it.
 
     Args:
         pid: The process.
@@ -73,17 +73,17 @@ class Delay:
         return found
 
     def look(self):
-        """Look again; a thread that has ended keeps what was seen last of it."""
+        """Read the times again; a thread that has ended keeps its last time."""
         self._now.update(self._waited())
 
     @property
     def sec(self):
-        """The sum over all threads, when it was looked last, seconds."""
+        """The sum over all threads at the last reading, seconds."""
         return sum(waited - self._before.get(task, 0.0) for task, waited in self._now.items())
 
 
 class Stopwatch:
-    """How long something takes a process that others keep from the processor.
+    """Measures durations of a process, with and without its waiting for a processor.
 
     Args:
         pid: The process; by default this one.
@@ -100,6 +100,6 @@ class Stopwatch:
 
     @property
     def own_sec(self):
-        """The same, without what the process's threads waited for a processor; to be read now and then."""
+        """The time that has passed without the threads' waiting for a processor, seconds; read it regularly."""
         self._delay.look()
         return self.passed_sec - self._delay.sec

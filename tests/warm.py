@@ -1,8 +1,8 @@
-"""Commands of the project as forks of a process that has imported all of it: imports are half of what most of their runs take.
+"""Starts commands of the project as forks of a process that has imported all modules, because imports are half of most run times.
 
-Such a command is a process of its own and a child of the test's, with its own arguments, environment, folder and streams. It
-runs the script that is installed, and ends as that does. `Popen` stands in for that of `subprocess` in all tests
-(`tests/conftest.py`); it forks only where Python would start in the same way.
+Such a command is a separate process and a child of the test process, with its own arguments, environment, folder and streams. It
+runs the installed script, and ends as the script does. `Popen` replaces `subprocess.Popen` in all tests
+(`tests/conftest.py`). It forks only if a new Python process would start in the same way.
 """
 
 import ctypes
@@ -26,12 +26,12 @@ BIN = Path(sys.executable).parent
 COMMANDS = {str(path) for path in BIN.glob("sar-*")}
 _MOST_BYTES = 200_000
 _SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER in linux/prctl.h
-_FAULT_HANDLER = "PYTHONFAULTHANDLER"  # which a fork switches on for itself
+_FAULT_HANDLER = "PYTHONFAULTHANDLER"  # a fork enables the fault handler itself
 _begun = threading.Lock()
 
 
 def read_at_start(variables):
-    """Return the variables that Python reads when it starts, or that say how processes are measured."""
+    """Return the variables that Python reads at its start, or that configure the measurement of processes."""
     prefixes = ("COVERAGE_", "LANG", "LC_", "LD_", "PYTHON", "_ROS_WHEELS_")
     return {
         name: value
@@ -41,7 +41,7 @@ def read_at_start(variables):
 
 
 AT_START = read_at_start(os.environ)
-"""Of these variables, those that forks have."""
+"""The values of these variables in forks."""
 
 
 _Started: Any = subprocess.Popen
@@ -71,11 +71,11 @@ class Popen(_Started):
 
 
 def _forked(asked, descriptors):
-    """Have a command forked; return its number, which is that of a child of this process."""
+    """Fork a command; return its process id, which is that of a child of this process."""
     libc = ctypes.CDLL(None)
     with _begun:
         server = _server()
-        # Whose parent ends becomes a child of the nearest process above that wants it.
+        # A process whose parent ends becomes a child of the nearest subreaper above.
         libc.prctl(_SUBREAPER, 1, 0, 0, 0)
         socket.send_fds(server, [asked], descriptors)
         answer = server.recv(_MOST_BYTES)
@@ -86,13 +86,13 @@ def _forked(asked, descriptors):
 
 @functools.cache
 def _server():
-    """Start the process that forks commands; return a socket to it, with which it ends."""
+    """Start the process that forks commands; return a socket to it. It ends when the socket is closed."""
     here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with there:
         subprocess.Popen(
             [sys.executable, __file__, str(there.fileno())],
             pass_fds=[there.fileno()],
-            # With threads of its own, a fork of a process is not safe.
+            # Forking a process that has threads is not safe.
             env={**os.environ, **AT_START, "OPENBLAS_NUM_THREADS": "1"},
         )
     return here
@@ -103,12 +103,12 @@ def import_all():
     for name in ("sar_compiler", "search_and_rescue"):
         package = importlib.import_module(name)
         for module in pkgutil.walk_packages(package.__path__, f"{name}."):
-            with suppress(ImportError):  # of what is optional
+            with suppress(ImportError):  # optional libraries may be missing
                 importlib.import_module(module.name)
 
 
 def _tell_tracing_of_forks():
-    """Have LTTng, which ROS brings along, told of forks: without its threads a fork would stop them at its end, and crash now and then."""
+    """Register fork handlers of LTTng, which ROS loads. Without them a fork, which lacks LTTng's threads, sometimes crashes at exit."""
     loaded = {line.split()[-1] for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()}
     signals = ctypes.create_string_buffer(128)  # a sigset_t
     for path in loaded:
@@ -121,7 +121,7 @@ def _tell_tracing_of_forks():
 
 
 def _serve(asking):
-    """Import what there is, and fork as often as it is asked for; return in each fork, with what was asked."""
+    """Import all modules and fork for each request; return in each fork with its request."""
     import_all()
     _tell_tracing_of_forks()
     gc.freeze()
@@ -149,7 +149,7 @@ def _serve(asking):
 
 
 def _become(words, variables, new_session, descriptors):
-    """Make this process one that was begun with some words, and run the script that they name."""
+    """Give this process the arguments, variables and streams of a request, and run its script."""
     if new_session:
         os.setsid()
     *streams, folder = descriptors

@@ -62,12 +62,12 @@ TESTED_BY = {
         ),
         "tree files, palettes": ("test_extreme_content_is_a_finding_or_an_error_message", "test_no_command_imports_untrusted_modules"),
         "responses of services and actions": ("test_impossible_survivor_position_is_rejected_on_any_map", "test_description_of_any_drive_end_is_one_clean_line"),
-        "All files are read by one opener": ("test_what_others_name_is_read_by_the_opener_alone",),
+        "All files are read by one opener": ("test_only_the_opener_opens_files",),
         "The opener obtains a handle": (
             "test_non_file_is_rejected_without_blocking", "test_file_replaced_by_link_after_check_is_not_read",
         ),
-        "The project's tests require": ("test_each_reader_of_files_is_in_the_table_of_hostile_ones",),
-        "Then the opener reads the same file": ("test_a_file_of_just_the_limit_is_whole_and_a_larger_one_is_not_read_on",),
+        "The project's tests require": ("test_each_file_reader_is_tested_with_hostile_files",),
+        "Then the opener reads the same file": ("test_file_at_limit_is_complete_and_larger_one_is_not_read_further",),
         "The path is a pipe, a device": ("test_non_file_is_rejected_without_blocking",),
         "A link points outside": ("test_file_outside_folder_is_not_read", "test_file_replaced_by_link_after_check_is_not_read"),
         "A folder is replaced by a link": ("test_folder_replaced_by_link_does_not_extend_allowed_paths",),
@@ -78,7 +78,7 @@ TESTED_BY = {
             "test_limits_on_security_page_match_code",
         ),
         "A file contains NaN": ("test_extreme_content_is_a_finding_or_an_error_message",),
-        "Commands read pipes": ("test_the_pipe_of_a_shell_is_read_to_its_end",),
+        "Commands read pipes": ("test_shell_pipe_is_read_to_its_end",),
         "An agent reads files outside": (
             "test_call_reads_nothing_outside_the_folders", "test_call_lists_no_folder_outside_the_folders",
             "test_file_replaced_after_check_is_never_read_outside", "test_no_tool_argument_reads_outside_the_folders",
@@ -101,7 +101,7 @@ TESTED_BY = {
             "test_module_replaced_after_hashing_is_not_imported", "test_trusted_module_is_run_from_source_and_not_from_bytecode",
         ),
         "A file runs code": (
-            "test_no_code_of_a_file_is_ever_evaluated", "test_modules_in_checkout_are_not_imported", "test_installed_modules_are_imported",
+            "test_no_code_from_files_is_evaluated", "test_modules_in_checkout_are_not_imported", "test_installed_modules_are_imported",
             "test_installed_modules_of_packages_without_leaves_are_not_imported",
         ),
         "A file names a file elsewhere": (
