@@ -15,9 +15,9 @@ from benchmarks.figures import UnmeasurableError
 SCRIPTS = Path(sys.executable).parent
 """The project's commands in the environment that measures; it has ROS."""
 PLAIN = Path(__file__).parents[1] / "build" / "plain" / "bin"
-"""The commands in an environment that has only what `pip install .` brings (`make build/plain/.installed`)."""
+"""The commands in an environment with only the result of `pip install .` (`make build/plain/.installed`)."""
 
-# Small, and without the site's packages, because the memory of a process counts what its parent had when it was started.
+# Small and without site packages, because the memory of a process includes that of its parent at its start.
 _LAUNCHER = """
 import json, os, sys, time
 start = time.perf_counter()
@@ -36,8 +36,8 @@ class Cost(NamedTuple):
     Attributes:
         passed: The seconds that passed.
         cpu: The CPU seconds of it and of all processes that it has waited for.
-        memory: The most memory that one of these had, in MB.
-        printed: What it printed on standard output.
+        memory: The peak memory of one of these processes, in MB.
+        printed: Its standard output.
     """
 
     passed: float
@@ -58,7 +58,7 @@ def run(
     Args:
         command: The command.
         statuses: The exit statuses that it may have.
-        more: Environment variables beside those of this process.
+        more: Environment variables in addition to those of this process.
         folder: Its working folder.
 
     Raises:

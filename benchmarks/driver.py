@@ -16,7 +16,7 @@ class Driver:
     """A process that ticks trees, and answers as `btcpp_driver.cpp` describes.
 
     Args:
-        command: Starts it.
+        command: The command that starts it.
     """
 
     def __init__(self, command: Sequence[str | Path]) -> None:

@@ -1,8 +1,8 @@
-"""How soon an editor is answered after a keystroke in a file of ten thousand nodes.
+"""The latency of the language server after a keystroke in a file of ten thousand nodes.
 
-The language server runs as an editor starts it, and the client is that of pygls. A digit is typed into a value and taken back, again and
-again; a mistake elsewhere stays in the file. The first answer is what was found so far, moved with the text; the second one what
-was found in the text as it is. Between two keystrokes there is time for both.
+The language server runs as an editor starts it, with pygls' client. The client repeatedly types a digit into a value and deletes it, while
+an error elsewhere stays in the file. The first answer has the previous findings, moved with the text; the second has the findings in
+the current text. The client waits for both before the next keystroke.
 """
 
 import asyncio
@@ -44,7 +44,7 @@ def set_up(_effort: Effort) -> Iterator[None]:
 
 def _keystroke(_stage: None, effort: Effort) -> Measured:
     answers = asyncio.run(_typed(effort.size(_SIZE), effort.rounds * _KEYSTROKES))
-    # The first two are the server's first.
+    # The first two keystrokes warm up the server.
     later = iter(answers[2:])
     return Measured(medians(lambda: next(later), (len(answers) - 2) // 4))
 

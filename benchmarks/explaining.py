@@ -1,4 +1,4 @@
-"""How often `sar-journal why` names first the cause that was planted in a run of a shipped tree.
+"""Scores how often `sar-journal why` names the planted cause of a run of a shipped tree first.
 
 Each run is one of `sar-run --sim` with one thing wrong. The line below "Likeliest cause:" must name that thing: the leaf that failed,
 the time limit that expired, the script that was false, the command with its author, the process that was killed.
@@ -29,7 +29,7 @@ from benchmarks.commands import SCRIPTS
 # One for each process.
 _DOMAINS = ("71", "72", "73", "74")
 _FAST, _SLOW = "1000", "20"
-# How long a run, and what a run waits for, may take; seconds.
+# The time limits of a run, and of its waits; seconds.
 _RUN_SEC, _TRIGGER_SEC = 120.0, 60.0
 
 PLAIN, RESILIENT = "search_and_rescue", "search_and_rescue_resilient"
@@ -82,7 +82,7 @@ class PlantedCause:
         parameters: ROS parameters.
         files: Files that the options name, relative to the folder of the run.
         at: A pattern of the run's log; when a line contains it, `act` is called.
-        act: Does something to the run: it gets the process.
+        act: A function that interferes with the run; its argument is the process.
         speed: Simulated seconds per second, at most.
     """
 
@@ -390,7 +390,7 @@ CAUSES = (
         "a run that is interrupted", r"SIGINT|Ctrl-C", at="Navigating to zone_b", act=_interrupt, speed=_SLOW
     ),
 )
-"""The planted causes, a kind each."""
+"""The planted causes, each of a different kind."""
 
 
 def score(causes: Sequence[PlantedCause]) -> list[str]:
@@ -420,7 +420,7 @@ def _set_domain(domains: "Queue[str]") -> None:
 
 
 def judge(number: int) -> tuple[bool, str]:
-    """Return whether the cause of a number is named first, and what is; a run that does not end names nothing."""
+    """Return whether the cause with a number is named first, and the line that is first; a run that does not end counts as missed."""
     cause = CAUSES[number]
     with TemporaryDirectory() as folder:
         try:
@@ -438,7 +438,7 @@ def first_named(cause: PlantedCause, folder: Path) -> str:
         folder: An empty folder for the files of the run.
 
     Raises:
-        TimeoutError: If the run does not get so far as to be acted upon.
+        TimeoutError: If the run does not reach the point at which `act` is called.
         subprocess.TimeoutExpired: If the run, or `why`, does not end.
     """
     journal = folder / "m.journal"

@@ -1,7 +1,7 @@
-"""The harness: how often something is measured, and when a measurement is refused.
+"""The harness: the number of measurements, and the conditions under which a measurement is refused.
 
-Both sides of a ratio are warmed by one call that does not count, and are timed by the same number of calls in turns. A measurement has two halves.
-If their medians differ by more than `AGREE` it is made again, and after `ATTEMPTS` the row states that it could not be measured.
+Both sides of a ratio are warmed up by one call that is not timed, and are timed by the same number of calls in turns. A measurement has two
+halves. If their medians differ by more than `AGREE`, it is repeated. After `ATTEMPTS` the row states that it could not be measured.
 """
 
 import gc
@@ -18,11 +18,11 @@ _MOST_CALLS = 10_000_000
 _GROWTH = 10
 
 Calls = Callable[[int], float]
-"""Makes this number of calls, and returns the mean seconds of one."""
+"""A function that makes a number of calls, and returns the mean seconds of one."""
 
 
 class Effort(NamedTuple):
-    """How much is measured.
+    """The amount of measurement.
 
     Attributes:
         rounds: The number of rounds of a short measurement.
@@ -43,16 +43,16 @@ class Effort(NamedTuple):
 
 
 class UnmeasurableError(Exception):
-    """There is no number that could be trusted, or something that the measurement needs is missing."""
+    """There is no reliable value, or a requirement of the measurement is missing."""
 
 
 class Comparison(NamedTuple):
-    """One thing beside another.
+    """A comparison of two things.
 
     Attributes:
         ratio: The median of the ratios of all rounds.
-        ours: The median of the first, in seconds.
-        theirs: The median of the second, in seconds.
+        ours: The median of the first one, in seconds.
+        theirs: The median of the second one, in seconds.
     """
 
     ratio: float
@@ -70,11 +70,11 @@ def timed(action: Callable[[], object], count: int = 1) -> float:
 
 
 def measured(once: Callable[[], Sequence[float]], rounds: int) -> list[tuple[float, ...]]:
-    """Return the values of several rounds, an even number of them; the medians of both halves agree in each value.
+    """Return the values of an even number of rounds; the medians of both halves agree in each value.
 
     Args:
         once: Measures one round.
-        rounds: How often.
+        rounds: The number of rounds.
 
     Raises:
         UnmeasurableError: The halves differ in each attempt, or a value is not above 0.
@@ -97,7 +97,7 @@ def medians(once: Callable[[], Sequence[float]], rounds: int) -> tuple[float, ..
 
 
 def compared(once: Callable[[], tuple[float, float]], rounds: int) -> Comparison:
-    """Return how two things compare that one round measures in turns; see `measured`."""
+    """Return the comparison of two things that each round measures in turns; see `measured`."""
     taken = measured(once, rounds)
     ours, theirs = zip(*taken, strict=True)
     ratio = statistics.median(one / other for one, other in taken)
@@ -105,7 +105,7 @@ def compared(once: Callable[[], tuple[float, float]], rounds: int) -> Comparison
 
 
 def compared_calls(ours: Calls, theirs: Calls, rounds: int) -> Comparison:
-    """Return how calls of two things compare, by equal numbers of calls.
+    """Return the comparison of two functions by equal numbers of calls.
 
     Raises:
         UnmeasurableError: See `measured`.
@@ -129,7 +129,7 @@ def enough_calls(calls: Calls) -> int:
 
 
 def _apart(one: Sequence[Sequence[float]], other: Sequence[Sequence[float]]) -> str:
-    """Return by how much two halves differ, if that is too much; else an empty string."""
+    """Return the difference of two halves in words if it is too large; else an empty string."""
     for first, second in zip(zip(*one, strict=True), zip(*other, strict=True), strict=True):
         low, high = sorted((statistics.median(first), statistics.median(second)))
         if high > AGREE * low:

@@ -39,7 +39,7 @@ class Stage:
         (folder / "script.xml").write_text(_SCRIPT, encoding="utf-8")
 
     def new_cache(self) -> None:
-        """Let the commands find nothing that earlier ones have kept."""
+        """Use a new cache, so that commands do not find results of earlier ones."""
         self.cache = self.folder / f"cache {next(self._caches)}"
 
     def compile(self, *words: str, statuses: tuple[int, ...] = (0,)) -> Cost:
@@ -52,7 +52,7 @@ class Stage:
         return run([plain(name), *words], statuses=statuses, more=more, folder=self.folder)
 
     def large(self, name: str, nodes: int, *, is_changed: bool = False) -> str:
-        """Write a file with so many nodes, if it is not there; a changed one has another element in 1 of 25 places."""
+        """Write a file with a number of nodes if it does not exist; a changed file differs in 1 of 25 nodes."""
         path = self.folder / f"{name}_{nodes}.xml"
         if not path.exists():
             leaves = _LARGE(nodes)
@@ -67,10 +67,10 @@ class Stage:
 
 @contextmanager
 def set_up(_effort: Effort) -> Iterator[Stage]:
-    """Set up a folder; the environment must be there.
+    """Set up a folder.
 
     Raises:
-        UnmeasurableError: It is not.
+        UnmeasurableError: The environment without ROS is missing.
     """
     plain("sar-compile")
     with tempfile.TemporaryDirectory() as folder:
@@ -91,7 +91,7 @@ def _validate(stage: Stage, effort: Effort, file: str) -> Measured:
 
 
 def _short(stage: Stage, effort: Effort) -> Measured:
-    """Return the figure of the slowest command of those that read no tree."""
+    """Return the CPU time of the slowest command that reads no tree."""
     commands = {
         "--help": ("sar-compile", "--help"),
         "--version": ("sar-compile", "--version"),
@@ -125,7 +125,7 @@ def _folder(stage: Stage, effort: Effort) -> str:
 
 
 def _cold(stage: Stage, effort: Effort) -> Measured:
-    """Return the time that passes for a folder of which nothing is known."""
+    """Return the elapsed time for a folder with an empty cache."""
     folder = _folder(stage, effort)
 
     def once() -> tuple[float, float]:
@@ -138,7 +138,7 @@ def _cold(stage: Stage, effort: Effort) -> Measured:
 
 
 def _again(stage: Stage, effort: Effort) -> Measured:
-    """Return the time that passes for a folder that was validated before and has not changed."""
+    """Return the elapsed time for a folder that was validated before and has not changed."""
     folder = _folder(stage, effort)
     installed = (PLAIN.parent / ".installed").stat().st_mtime
     time.sleep(max(0.0, installed + _RECENT_SEC - time.time()))
@@ -164,7 +164,7 @@ def _diff(stage: Stage, effort: Effort) -> Measured:
 
 
 def _of_large(*words: str, statuses: tuple[int, ...] = (0,)) -> Callable[[Stage, Effort], Measured]:
-    """Return what measures the CPU time of a command with a large file."""
+    """Return a function that measures the CPU time of a command with a large file."""
 
     def measure(stage: Stage, effort: Effort) -> Measured:
         file = stage.large("old", effort.size(_NODES))

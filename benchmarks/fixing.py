@@ -1,7 +1,7 @@
-"""Trees with a typo, and what becomes of them by the suggestions of their findings alone.
+"""Trees with a typo, and the result of applying the suggestions of their findings.
 
-The shipped trees, in XML and in YAML, with one typo of the hand each: a letter left out, doubled, changed, or put before its neighbour, in a tag, in
-the name of an attribute or in its value. Names of nodes, which may be anything, and numbers, of which any is as good, have none.
+The trees are shipped trees in XML and YAML with one typing error: a letter omitted, doubled, changed, or swapped with the next one, in a tag, in
+the name of an attribute or in its value. Names of nodes and numbers have no typos, because any name or number is valid.
 """
 
 import random
@@ -28,7 +28,7 @@ class Typo(NamedTuple):
     """A tree with a typo.
 
     Attributes:
-        where: In what: a tag, an attribute or a value.
+        where: The kind of location: a tag, an attribute or a value.
         right: The text of the tree without it.
         wrong: The text with it.
         form: The form of both.
@@ -41,7 +41,7 @@ class Typo(NamedTuple):
 
 
 def typo(chance: random.Random, word: str) -> str:
-    """Return a word with a letter left out, doubled, changed, or put before its neighbour."""
+    """Return a word with a letter omitted, doubled, changed, or swapped with the next one."""
     place = chance.randrange(len(word))
     before, letter, after = word[:place], word[place], word[place + 1 :]
     other = chance.choice(string.ascii_letters)
@@ -56,7 +56,7 @@ def typo(chance: random.Random, word: str) -> str:
 
 
 def typos(count: int) -> Iterator[Typo]:
-    """Yield so many trees with a typo, the same ones each time."""
+    """Yield a number of trees with a typo, the same ones each time."""
     chance = random.Random(_SEED)  # noqa: S311 - the same in every run
     while count:
         path, form = chance.choice(TREES), (Form.XML, Form.YAML)[count % 2]
@@ -73,7 +73,7 @@ def typos(count: int) -> Iterator[Typo]:
 
 
 def _make_typo(chance: random.Random, root: ET.Element) -> str | None:
-    """Insert a typo into a tree, and return the kind of its place, or None if the tree has no such place."""
+    """Insert a typo into a tree, and return the kind of its location, or None if the tree has no such location."""
     element, where = chance.choice([*root.iter()][1:]), chance.choice(("tag", "attribute", "value"))
     if where == "tag":
         element.tag = typo(chance, element.tag)
@@ -97,8 +97,8 @@ class Fixed(NamedTuple):
     """The result of fixing a tree with a typo.
 
     Attributes:
-        is_as_before: Whether it is the tree that it was before the typo.
-        has_errors: Whether there are errors left.
+        is_as_before: Whether the tree equals the original.
+        has_errors: Whether errors remain.
     """
 
     is_as_before: bool
@@ -106,7 +106,7 @@ class Fixed(NamedTuple):
 
 
 def fixed(each: Typo, folder: Path, is_meant: Callable[[Diagnostic], bool]) -> Fixed:
-    """Have a tree with a typo be written as its findings suggest."""
+    """Apply the suggestions of the findings to a tree with a typo."""
     parse, ending = (parse_xml, "xml") if each.form is Form.XML else (parse_yaml, "yaml")
     path = folder / f"typo.{ending}"
     path.write_text(each.wrong, encoding="utf-8")

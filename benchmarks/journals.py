@@ -26,13 +26,13 @@ from sar_compiler.views.drawing import drawn_nodes
 _ENTRIES = 1_000_000
 _PERIOD_SEC, _TICKS_A_FACT = 0.1, 500
 _LIMITS = (Limit(5.0, "s CPU"), Limit(150.0, "MB"))
-# What takes more is measured once: it misses its goal by far.
+# A measurement that takes longer is made only once, because it misses its goal by far.
 _LONG_SEC = 15.0
 _RUNS, _FAILS = 0.4, 0.05
 
 
 def _patrol() -> str:
-    """Return a patrol that visits four points, with second ways, until its last leaf fails."""
+    """Return a patrol that visits four points, with fallbacks, until its last leaf fails."""
 
     def visit(point: int) -> str:
         drive = around("Fallback", [f'<Try name="Drive{point}"/>', f'<Try name="Detour{point}"/>'])
@@ -65,7 +65,7 @@ class _Outcomes:
 
 
 def write_journal(folder: Path, entries: int) -> tuple[Path, Path]:
-    """Record a patrol with at least so many entries; return the tree's path and the journal's."""
+    """Record a patrol with at least a number of entries; return the paths of the tree and of the journal."""
     tree, path = folder / "patrol.xml", folder / "patrol.journal"
     tree.write_text(_patrol(), encoding="utf-8")
     loaded = load(tree)

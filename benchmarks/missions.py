@@ -1,7 +1,7 @@
 """The cost of a mission, and its latencies: the first tick, the next goal, a run that drives, a whole simulated mission.
 
-A robot drives along a corridor so long that it never arrives, in `sar-sim`, whose process does not count. A bare node of rclpy has sent the same goal
-and hears the same topics. Servers and runs have the simulation's time.
+A robot drives in `sar-sim` along a corridor so long that it never arrives. The process of `sar-sim` is not measured. For comparison, a plain rclpy
+node sends the same goal and subscribes to the same topics. Servers and runs use simulated time.
 """
 
 import itertools
@@ -29,10 +29,10 @@ _BARE = "x a bare node"
 _RATE_HZ = 10
 _WARM_SEC, _DRIVE_SEC, _PATIENCE_SEC = 2.0, 6.0, 60.0
 _GOALS, _BROWSERS, _SIMULATED = 100, 5, 24
-# Discovery takes 0 to 3 s at random, also for a bare node.
+# Discovery takes 0 to 3 s at random, also for a plain node.
 _STARTS = 11
 _SERVERS_DOMAIN, _GOALS_DOMAIN, _SWEEP_DOMAIN = "86", "84", "85"
-# What has just gone may still be seen, and a call to it waits for its deadline.
+# A server that has just ended may still be discovered, and a call to it would wait for its deadline.
 _MISSION_DOMAINS = itertools.count(88)
 _LENGTH_M = 1200
 _FILES: Mapping[str, str] = {
@@ -183,11 +183,11 @@ class Drive(NamedTuple):
 
 
 class Stage:
-    """A folder with files, and servers of a mission that are up.
+    """A folder with files, and running servers of a mission.
 
     Args:
         folder: The folder.
-        effort: How much is measured.
+        effort: The amount of measurement.
     """
 
     def __init__(self, folder: Path, effort: Effort) -> None:
@@ -197,7 +197,7 @@ class Stage:
 
     @cached_property
     def drives(self) -> dict[str, list[Drive]]:
-        """The drives of a bare node, of a run, and of a run with all options, in turns."""
+        """The drives of a plain node, of a run, and of a run with all options, in turns."""
         bare = [sys.executable, str(self.folder / "bare.py")]
         duration = max(1.0, _DRIVE_SEC * self._effort.share)
         found: dict[str, list[Drive]] = {"bare": [], "run": [], "options": []}
@@ -237,10 +237,10 @@ class Stage:
 
 @contextmanager
 def started(command: Sequence[str], words: str) -> "Iterator[subprocess.Popen[bytes]]":
-    """Start a command, wait until it has written a line with some words, and interrupt it in the end.
+    """Start a command, wait until it prints a line with some words, and interrupt it at the end.
 
     Raises:
-        UnmeasurableError: It ends, or is late, before it has written them; the message has its last line.
+        UnmeasurableError: It ends or times out before it prints them; the message has its last line.
     """
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     late = threading.Timer(_PATIENCE_SEC, process.kill)
@@ -269,13 +269,13 @@ def started(command: Sequence[str], words: str) -> "Iterator[subprocess.Popen[by
 
 
 def cpu_seconds(process: int) -> float:
-    """Return the CPU seconds of all threads that a process has."""
+    """Return the CPU seconds of all threads of a process."""
     tasks = Path(f"/proc/{process}/task")
     return sum(int((each / "schedstat").read_text().split()[0]) for each in tasks.iterdir()) / 1e9
 
 
 def memory_of(process: int) -> float:
-    """Return the memory that a process has now, in MB."""
+    """Return the current memory of a process, in MB."""
     status = Path(f"/proc/{process}/status").read_text(encoding="ascii")
     return int(status.partition("VmRSS:")[2].split()[0]) * 1024 / 1e6
 
@@ -308,7 +308,7 @@ def set_up(effort: Effort) -> Iterator[Stage]:
 
 
 def _first_tick(stage: Stage, effort: Effort) -> Measured:
-    """Return the time from the command to the first goal of the robot, and that of a bare node."""
+    """Return the time from the command to the first goal of the robot, and that of a plain node."""
 
     def first_goal(command: Sequence[str]) -> tuple[float, float]:
         start = time.perf_counter()
@@ -407,7 +407,7 @@ _READ = "import sys, urllib.request\nfor line in urllib.request.urlopen(sys.argv
 
 
 def _page(stage: Stage, effort: Effort) -> Measured:
-    """Return the share of a core that a run with a page takes more while browsers read it."""
+    """Return the additional share of a core that a run with a page uses while browsers read it."""
     duration = max(1.0, _DRIVE_SEC * effort.share)
 
     def share(browsers: int) -> float:
@@ -433,7 +433,7 @@ def _page(stage: Stage, effort: Effort) -> Measured:
 
 
 def _whole_mission(_stage: Stage, effort: Effort) -> Measured:
-    """Return the time that passes until the summary of a simulated mission."""
+    """Return the elapsed time until the summary of a simulated mission."""
     command: list[str | Path] = [
         SCRIPTS / "sar-run",
         _TREE,
@@ -456,11 +456,11 @@ def _whole_mission(_stage: Stage, effort: Effort) -> Measured:
 
 
 def _sweep(_stage: Stage, effort: Effort) -> Measured:
-    """Return how many simulated missions a minute `sar-sim sweep` runs, with the start of the command."""
+    """Return the number of simulated missions per minute of `sar-sim sweep`, including the start of the command."""
 
     def once() -> tuple[float]:
         count = str(effort.size(_SIMULATED, 4))
-        # So few runs prove no such rate, so that all are run.
+        # So few runs cannot prove the rate, so the sweep does not stop early.
         words = ("sweep", _TREE, "--runs", count, "--at-least", "0.999", "--format", "json")
         cost = run([SCRIPTS / "sar-sim", *words], statuses=(0, 1), more={"ROS_DOMAIN_ID": _SWEEP_DOMAIN})
         (row,) = json.loads(cost.printed)["rows"]

@@ -1,4 +1,4 @@
-"""What contributors and users wait for: the test suite, and an installation from nothing."""
+"""The waiting times of contributors and users: the test suite, and a new installation."""
 
 import json
 from collections.abc import Iterator
@@ -14,15 +14,15 @@ SUITE, INSTALLED = _ROOT / "build" / "suite.json", _ROOT / "build" / "plain" / "
 
 @contextmanager
 def set_up(_effort: Effort) -> Iterator[None]:
-    """Set nothing up: other targets of the makefile have written their times."""
+    """Set up nothing, because other targets of the Makefile have written their times."""
     yield
 
 
 def _times(path: Path, target: str) -> tuple[float, float]:
-    """Return the seconds that passed, and the CPU seconds, of the last `benchmarks.timing` with a file.
+    """Return the elapsed seconds and the CPU seconds that the last `benchmarks.timing` wrote to a file.
 
     Raises:
-        UnmeasurableError: There was none.
+        UnmeasurableError: The file is missing.
     """
     if not path.exists():
         raise UnmeasurableError(f"`{target}` has not been run here")

@@ -1,4 +1,4 @@
-"""What proofs, predictions and orders of zones cost."""
+"""The cost of proofs, predictions and zone orders."""
 
 import json
 import statistics
@@ -23,7 +23,7 @@ outcomes:
   NavigateToBase: [{outcome: arrived, p: 0.9, sec: 30}, {outcome: aborted, p: 0.07, sec: 5}, {outcome: unavailable, p: 0.03}]
   DeliverReports: [{outcome: delivered, p: 0.8, sec: 1}, {outcome: refused, p: 0.1, sec: 1}, {outcome: all but one delivered, p: 0.1, sec: 1}]
 """
-# One leaf does not say how often it was called; a process of its own tells its memory.
+# A leaf would not show how often it orders the zones, so a separate process orders them once, which also shows the memory.
 _ORDER = """
 import sys
 import numpy as np
@@ -70,7 +70,7 @@ def _verify(*words: str | Path) -> Cost:
     """Run `sar-compile verify`.
 
     Raises:
-        MissedError: It has not gone through all states.
+        MissedError: It has not explored all states.
     """
     cost = run([SCRIPTS / "sar-compile", "verify", *words, "--format", "json"], statuses=(0, 1))
     if not json.loads(cost.printed)["complete"]:

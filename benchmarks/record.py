@@ -9,7 +9,7 @@ from benchmarks.rows import Result, Row, write_result, write_table
 
 RECORD, PAGE = (Path(__file__).with_name(name) for name in ("recorded.json", "README.md"))
 WORSE = 1.5
-"""A value that is so many times the recorded one is a failure."""
+"""A value that exceeds the recorded one by this factor is a failure."""
 BEGIN, END = "<!-- made by `make bench` -->\n", "<!-- end -->\n"
 
 
@@ -18,7 +18,7 @@ class Run(NamedTuple):
 
     Attributes:
         conditions: The machine, the date and the versions, by their names.
-        results: The result of each row, by what it measures.
+        results: The result of each row, by the name of the row.
     """
 
     conditions: Mapping[str, str]
@@ -74,7 +74,7 @@ def write_tables(rows: Iterable[Row], run: Run) -> str:
 
 
 def rewrite(rows: Iterable[Row], run: Run, path: Path) -> None:
-    """Put the tables of a run into the page, in place of those between its two marks."""
+    """Replace the tables between the two marks of the page by those of a run."""
     before, _, rest = path.read_text(encoding="utf-8").partition(BEGIN)
     text = f"{before}{BEGIN}{write_tables(rows, run)}{END}{rest.partition(END)[2]}"
     path.write_text(text, encoding="utf-8")

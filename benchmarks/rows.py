@@ -11,10 +11,10 @@ class Limit(NamedTuple):
     """A goal for one value of a row.
 
     Attributes:
-        value: The most that the value may be, or the least.
+        value: The maximum of the value, or the minimum.
         unit: A key of `UNITS`, or `x` with the name of a reference, for a ratio.
-        is_least: Whether more is better.
-        what: What the value is, where a row has several values of one unit.
+        is_least: Whether the limit is a minimum.
+        what: The name of the value, if a row has several values of one unit.
     """
 
     value: float
@@ -41,7 +41,7 @@ class Measured(NamedTuple):
 
     Attributes:
         values: One for each limit of the row.
-        note: What else there is to state, such as the reference's value.
+        note: Further information, such as the value of the reference.
     """
 
     values: tuple[float, ...]
@@ -49,17 +49,17 @@ class Measured(NamedTuple):
 
 
 class MissedError(Exception):
-    """The goal is missed in a way that is no number: a proof is not decided, say."""
+    """The goal is missed without a value: a proof is not decided, for example."""
 
 
 class Row(NamedTuple):
     """A row of the table.
 
     Attributes:
-        what: What is measured; the row is found by it in the record.
-        limits: Its goal, a limit for each value.
-        how: How it is measured, in short.
-        measure: Measures it. It gets what the benchmark has set up.
+        what: The name of the measured quantity, which identifies the row in the record.
+        limits: The goal, a limit for each value.
+        how: The method of measurement, in short.
+        measure: The function that measures it. Its first argument is the result of `set_up`.
     """
 
     what: str
@@ -74,11 +74,11 @@ class Row(NamedTuple):
 
 
 class Benchmark(NamedTuple):
-    """Rows that need the same.
+    """Rows with the same requirements.
 
     Attributes:
         rows: The rows.
-        set_up: Sets up what they need, for as long as they are measured.
+        set_up: The context manager that sets up the requirements.
     """
 
     rows: Sequence[Row]
@@ -89,9 +89,9 @@ class Result(NamedTuple):
     """The result of a row.
 
     Attributes:
-        values: One for each limit; none where there is no number.
-        note: What else there is to state, or why there is no number.
-        is_missed: Whether the goal is missed although there is no number.
+        values: One for each limit; none if there is no value.
+        note: Further information, or why there is no value.
+        is_missed: Whether the goal is missed although there is no value.
     """
 
     values: tuple[float, ...] = ()
@@ -143,7 +143,7 @@ UNITS: Mapping[str, Callable[[float], str]] = {
     "%": lambda value: f"{_number(value)} %",
     "/min": lambda value: f"{_number(value)} a minute",
 }
-"""How a value is written, by its unit."""
+"""The format of a value by its unit."""
 
 
 def rows_of(benchmarks: Mapping[str, Benchmark]) -> Iterator[Row]:

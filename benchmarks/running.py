@@ -33,13 +33,13 @@ BENCHMARKS: Mapping[str, Benchmark] = {
 ROWS: Sequence[Row] = tuple(rows_of(BENCHMARKS))
 
 _ROW_SEC = 300
-"""The most time that a row may take."""
+"""The time limit of a row."""
 
 
 def measure_benchmarks(names: Sequence[str], effort: Effort) -> tuple[Run, bool]:
     """Measure each benchmark in a separate process; return also whether a row has failed.
 
-    What one measurement leaves in memory would slow the next one down.
+    Objects that one measurement leaves in memory would slow down the next one.
     """
     results: dict[str, Result] = {}
     is_failed = False

@@ -1,4 +1,4 @@
-"""How often `why` names the cause of a failure first, and how often suggestions restore a tree with a typo."""
+"""Scores: how often `why` names the cause of a failure first, and how often suggestions restore a tree with a typo."""
 
 import shutil
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ _TYPOS = 500
 
 @contextmanager
 def set_up(_effort: Effort) -> Iterator[None]:
-    """Set nothing up."""
+    """Set up nothing."""
     yield
 
 

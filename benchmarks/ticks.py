@@ -1,6 +1,7 @@
 """The cost of a tick compared with BehaviorTree.CPP in C++: trees of usual sizes, and the slowest constructs.
 
-Both engines tick the tree of the same file. `Leaf` succeeds: here its `update` is in Python, as the leaves of users are, and there it is in C++.
+Both engines tick the tree of the same file. `Leaf` succeeds. Its `update` is in Python in this project, like the leaves of users, and in C++ in
+BehaviorTree.CPP.
 """
 
 import statistics
@@ -85,7 +86,7 @@ class Stage:
 
 
 def describe_driver() -> str:
-    """Return which driver there is, for the conditions of a run."""
+    """Return the name of the driver for the conditions of a run."""
     path = driver.driver_path()
     return f"by the C++ driver {path.name}" if path is not None else "the driver is not built"
 

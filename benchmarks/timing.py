@@ -1,6 +1,6 @@
 """Runs a command and writes the seconds that it took: `python -m benchmarks.timing FILE COMMAND...`.
 
-The file is written only if the command succeeds: [seconds that passed, CPU seconds of it and of all processes that it has waited for].
+The file is written only if the command succeeds: [elapsed seconds, CPU seconds of it and of all processes that it has waited for].
 """
 
 import json

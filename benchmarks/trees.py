@@ -1,4 +1,4 @@
-"""Tree files of any size that this project and BehaviorTree.CPP read alike."""
+"""Tree files of any size that both this project and BehaviorTree.CPP can read."""
 
 import itertools
 import random
@@ -22,7 +22,7 @@ def described(body: str, tree_id: str = "Main") -> str:
 
 
 def around(opening: str, nodes: Iterable[str]) -> str:
-    """Return a node around others, with one in each line; the first word of its tag closes it."""
+    """Return a node around others, with one in each line; the first word of the opening is its tag."""
     return "\n".join([f"<{opening}>", *nodes, f"</{opening.partition(' ')[0]}>"])
 
 
@@ -40,7 +40,7 @@ def balanced(nodes: Iterable[str]) -> str:
 
 
 def in_turn(*forms: str) -> Callable[[int], list[str]]:
-    """Return nodes that take turns; as many as there are forms have the same number."""
+    """Return a function that makes nodes of several forms in turn; each group of forms shares a number."""
 
     def nodes(count: int) -> list[str]:
         turns = zip(range(count), itertools.cycle(forms), strict=False)
@@ -50,7 +50,7 @@ def in_turn(*forms: str) -> Callable[[int], list[str]]:
 
 
 def mission(seed: int, tree_id: str = "Main", *, has_scripts: bool = False) -> str:
-    """Return a file with a mission as people write them, of some 20 to 60 nodes: steps, second ways, checks, tries, time limits."""
+    """Return a file with a typical mission of some 20 to 60 nodes: steps, fallbacks, checks, retries, time limits."""
     draw = random.Random(seed)  # noqa: S311 - the same tree in every run
     numbers = itertools.count()
 
@@ -82,7 +82,7 @@ def mission(seed: int, tree_id: str = "Main", *, has_scripts: bool = False) -> s
 def navigation(recoveries: int) -> str:
     """Return a tree like Nav2's: it follows a path, with recoveries as fallback.
 
-    Nav2's own controls are BehaviorTree.CPP's that come nearest, so that both engines have them.
+    Nav2's controls are replaced by the most similar ones of BehaviorTree.CPP, so that both engines have them.
     """
     done = "<Leaf/>"
     runs = around("KeepRunningUntilFailure", [done])
@@ -113,7 +113,7 @@ _CONTROLS = (
 
 
 def mixed(count: int) -> str:
-    """Return controls, decorators, scripts and leaves by chance, of a fixed seed, with about so many leaves."""
+    """Return random controls, decorators, scripts and leaves with a fixed seed and about a number of leaves."""
     draw = random.Random(count)  # noqa: S311 - the same tree in every run
     level = [_mixed_leaf(draw, number) for number in range(count)]
     while len(level) > 1:
@@ -151,10 +151,10 @@ CONSTRUCTS: Mapping[str, str] = {
     "_while": '<AlwaysSuccess _while="mode == 3"/>',
     "Switch5": around(f'Switch5 variable="{{mode}}" {_CASES}', ["<AlwaysSuccess/>"] * 6),
 }
-"""Nodes that cost more than others, by their names."""
+"""Nodes that are more expensive than others, by name."""
 
 
 def of_constructs(construct: str, count: int) -> str:
-    """Return a tree in each of whose ticks a construct is ticked so many times."""
+    """Return a tree that ticks a construct a number of times in each tick."""
     parallel = around('Parallel success_count="-1" failure_count="1"', [construct] * count)
     return sequence(['<Script code="mode := 3"/>', parallel])
