@@ -110,7 +110,7 @@ TESTED_BY = {
             "test_scenario_cannot_name_trace_outside_its_folder", "test_configuration_outside_repository_may_only_name_its_own_folder",
         ),
         "A file expands": (
-            "test_entities_of_a_doctype_are_never_expanded", "test_exponentially_growing_trees_are_rejected_before_they_are_built",
+            "test_doctype_entities_are_never_expanded", "test_exponentially_growing_trees_are_rejected_before_they_are_built",
         ),
         "A journal contains views": ("test_foreign_database_object_is_rejected_by_name",),
         "A journal is replaced while": (
@@ -147,9 +147,9 @@ TESTED_BY = {
             "test_client_runs_trees_by_name_one_after_another", "test_invalid_payload_is_rejected",
             "test_payload_sets_parameters_and_result_reports_their_errors",
         ),
-        "`--groot2` listens": ("test_it_listens_on_this_machine_alone",),
-        "No request changes the tree": ("test_no_request_changes_the_tree",),
-        "A request of more than 1 MiB": ("test_a_request_of_more_than_a_mebibyte_ends_its_connection_and_no_other",),
+        "`--groot2` listens": ("test_publisher_listens_on_loopback_only",),
+        "No request changes the tree": ("test_no_request_changes_tree",),
+        "A request of more than 1 MiB": ("test_oversized_request_closes_only_its_connection",),
         "Ctrl-C, SIGTERM and SIGHUP": (
             "test_run_stopped_during_navigation_cancels_its_goal",
             "test_goal_is_canceled_and_status_is_that_of_hangup",
