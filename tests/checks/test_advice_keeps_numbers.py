@@ -119,7 +119,7 @@ def test_suggested_value_equals_written_quantity(place, quantity):
 
 
 def check_suggestion(value_type, number, spelt, text):
-    suggestion = suggested(value_type, text)
+    suggestion = suggestion_for(value_type, text)
     if suggestion is None:
         return
     before, (plain, unit) = meaning(number, spelt, value_type.unit), split(suggestion)
@@ -130,7 +130,7 @@ def check_suggestion(value_type, number, spelt, text):
     value_type.convert(suggestion)
 
 
-def suggested(value_type, text):
+def suggestion_for(value_type, text):
     try:
         value_type.convert(text)
     except ConversionError as error:

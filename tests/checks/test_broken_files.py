@@ -70,7 +70,7 @@ IN_YAML = {
 YAML_HEAD = "root:\n  children:\n  - BehaviorTree:\n      ID: Main\n      children:\n"
 
 
-def found(path):
+def findings_in(path):
     return [(each.code, each.span.line, each.suggestion) for each in load(path).check()]
 
 
@@ -79,7 +79,7 @@ def test_xml_before_syntax_error_is_checked(name, tmp_path):
     text, expected = IN_XML[name]
     path = tmp_path / "tree.xml"
     path.write_text(HEAD + text, encoding="utf-8")
-    assert found(path) == expected
+    assert findings_in(path) == expected
 
 
 @pytest.mark.parametrize("name", IN_YAML)
@@ -87,7 +87,7 @@ def test_yaml_before_syntax_error_is_checked(name, tmp_path):
     text, expected = IN_YAML[name]
     path = tmp_path / "tree.yaml"
     path.write_text(YAML_HEAD + text, encoding="utf-8")
-    assert found(path) == expected
+    assert findings_in(path) == expected
 
 
 def test_nodes_of_included_file_are_known_before_syntax_error(tmp_path):
@@ -98,7 +98,7 @@ def test_nodes_of_included_file_are_known_before_syntax_error(tmp_path):
     path.write_text(
         '<root>\n<include path="palette.xml"/><BehaviorTree ID="A"><Sequence>\n<MyLeaf/><MyLeef/><A'
     )
-    assert found(path) == [("unknown-node", 3, "MyLeaf"), ("malformed-xml", 3, None)]
+    assert findings_in(path) == [("unknown-node", 3, "MyLeaf"), ("malformed-xml", 3, None)]
 
 
 LOOSE = HEAD + '<ScriptCondition code="@a < 2 &amp;&amp; @b && 1 == 1"/>\n</BehaviorTree>\n</root>\n'

@@ -50,7 +50,7 @@ class Look(StubLeaf):
 REGISTRY = load_registry([__name__])
 
 
-def found(body):
+def findings_in(body):
     return [finding.message for finding in check(forest(f"<Sequence>{body}</Sequence>"), REGISTRY)]
 
 
@@ -59,9 +59,9 @@ UNDONE = "'Enter' needs the effect of 'Open', but 'Shut' (line 3) undoes this ef
 
 @pytest.mark.parametrize("between", ["", "<Look/>", "<Fallback><Look/><AlwaysSuccess/></Fallback>"])
 def test_effect_undone_before_use_is_reported(between):
-    assert UNDONE in found(f"<Open/>{between}<Shut/><Enter/>")
+    assert UNDONE in findings_in(f"<Open/>{between}<Shut/><Enter/>")
 
 
 @pytest.mark.parametrize("between", ["<Enter/>", "<Inverter><Enter/></Inverter>"])
 def test_effect_undone_after_use_is_not_reported(between):
-    assert found(f"<Open/>{between}<Shut/><Enter/>") == []
+    assert findings_in(f"<Open/>{between}<Shut/><Enter/>") == []

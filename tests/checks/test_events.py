@@ -86,7 +86,7 @@ def prove(binding):
         seen = yield bool(states)
 
 
-def timeless(events):
+def without_times(events):
     """Return events as in a proof, which knows neither the time nor the number of a tick."""
     return tuple(event._replace(tick=0, time_sec=None) for event in events)
 
@@ -106,7 +106,7 @@ def test_simulation_live_run_and_proof_have_same_events(binding):
     assert list(live) == [tick.events for tick in run.ticks]
     proof = prove(binding)
     next(proof)
-    assert all(proof.send(timeless(tick.events)) for tick in run.ticks)
+    assert all(proof.send(without_times(tick.events)) for tick in run.ticks)
 
 
 def test_event_has_outcome_node_time_and_changed_facts():

@@ -19,7 +19,7 @@ VALUES = (0, 1, 7, 1.0, -2.5, 1e300, "", "1", "text")
 """Values of variables."""
 
 
-def found(script, attribute="_onSuccess"):
+def findings_in(script, attribute="_onSuccess"):
     text = script.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
     findings = check(forest(f'<AlwaysSuccess {attribute}="{text}"/>'), default_registry())
     return [
@@ -48,7 +48,7 @@ def found(script, attribute="_onSuccess"):
     ],
 )
 def test_part_that_always_raises_is_error_at_its_location(script, column):
-    assert found(script)[:1] == [("failing-script", column)]
+    assert findings_in(script)[:1] == [("failing-script", column)]
     assert set(severities(script)) == {Severity.ERROR}
 
 
@@ -68,8 +68,8 @@ def test_error_in_branch_of_choice_is_warning(script):
 
 @pytest.mark.parametrize("script", ["'abc'", "2", "0 - 1", "x .. 'a'"])
 def test_condition_that_is_neither_true_nor_false_always_raises(script):
-    assert found(script, "_skipIf") == [("failing-script", 1)]
-    assert found(f"y := {script}") == []
+    assert findings_in(script, "_skipIf") == [("failing-script", 1)]
+    assert findings_in(f"y := {script}") == []
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_condition_that_is_neither_true_nor_false_always_raises(script):
     ],
 )
 def test_script_that_may_succeed_has_no_findings(script):
-    assert found(script) == []
+    assert findings_in(script) == []
 
 
 @pytest.mark.parametrize(
@@ -94,16 +94,16 @@ def test_script_that_may_succeed_has_no_findings(script):
     [("x := 1;2;3", [8]), ("x == 1", [1]), ("x; y := 1; 2; 3; z := 4; z", [1, 12, 26]), ("'1;2;3'", [1])],
 )
 def test_consecutive_idle_statements_are_one_finding(script, columns):
-    assert found(script) == [("idle-statement", column) for column in columns]
+    assert findings_in(script) == [("idle-statement", column) for column in columns]
 
 
 def test_last_statement_of_condition_is_not_idle():
-    assert found("x := 1; x == 1", "_skipIf") == []
-    assert found("y; x == 1", "_skipIf") == [("idle-statement", 1)]
+    assert findings_in("x := 1; x == 1", "_skipIf") == []
+    assert findings_in("y; x == 1", "_skipIf") == [("idle-statement", 1)]
 
 
 def test_deeply_nested_script_has_one_finding():
-    assert found("x := " + "(" * 60 + "'a' * 2" + ") + 1" * 60) == [("failing-script", 66)]
+    assert findings_in("x := " + "(" * 60 + "'a' * 2" + ") + 1" * 60) == [("failing-script", 66)]
 
 
 def severities(script):

@@ -33,20 +33,20 @@ def check_bound(context):
 
 
 @pytest.fixture
-def failing(monkeypatch):
+def failing_rule(monkeypatch):
     monkeypatch.setattr(checks, "RULES", (check_badly, *checks.RULES))
 
 
-def found(text):
+def findings_in(text):
     return [(each.code, each.span.line) for each in check(forest(text), default_registry())]
 
 
-@pytest.mark.usefixtures("failing")
+@pytest.mark.usefixtures("failing_rule")
 def test_failing_rule_is_finding_at_its_node_and_other_rules_run():
-    assert found(TWO_ERRORS) == [("internal-error", 3), ("unknown-node", 4), ("missing-attribute", 5)]
+    assert findings_in(TWO_ERRORS) == [("internal-error", 3), ("unknown-node", 4), ("missing-attribute", 5)]
 
 
-@pytest.mark.usefixtures("failing")
+@pytest.mark.usefixtures("failing_rule")
 def test_finding_names_rule_error_and_location():
     finding, *_ = check(forest(TWO_ERRORS), default_registry())
     error = "the rule check_badly raised an error at this element: IndexError: list index out of range"
@@ -56,10 +56,10 @@ def test_finding_names_rule_error_and_location():
 
 def test_same_error_in_several_rules_is_reported_once(monkeypatch):
     monkeypatch.setattr(checks, "RULES", (check_badly, check_bound, *checks.RULES))
-    assert [code for code, _ in found("<AlwaysSuccess/>")] == ["internal-error"]
+    assert [code for code, _ in findings_in("<AlwaysSuccess/>")] == ["internal-error"]
 
 
-@pytest.mark.usefixtures("failing")
+@pytest.mark.usefixtures("failing_rule")
 def test_validate_reports_other_findings_and_ends_with_status_3(tmp_path, capsys):
     for name in ("a.xml", "b.xml"):
         (tmp_path / name).write_text(NEEDLESS)
@@ -87,7 +87,7 @@ def test_internal_error_while_loading_file_does_not_hide_other_files(tmp_path, c
     assert "needless-node" in output
 
 
-@pytest.mark.usefixtures("failing")
+@pytest.mark.usefixtures("failing_rule")
 def test_comment_cannot_suppress_internal_error(tmp_path):
     file = tmp_path / "a.xml"
     file.write_text(NEEDLESS.replace("<Sequence>", "<!-- sar: allow internal-error -->\n<Sequence>"))
@@ -95,7 +95,7 @@ def test_comment_cannot_suppress_internal_error(tmp_path):
 
 
 def test_unknown_children_do_not_break_rules_about_parent():
-    assert found("<TryCatch><AlwaysFailure/>\n<TestA/>\n<TestB/></TryCatch>") == [
+    assert findings_in("<TryCatch><AlwaysFailure/>\n<TestA/>\n<TestB/></TryCatch>") == [
         ("unknown-node", 4),
         ("unknown-node", 5),
     ]
@@ -103,7 +103,7 @@ def test_unknown_children_do_not_break_rules_about_parent():
 
 def test_wrong_value_does_not_break_rules_about_keys():
     wrong = '<CheckBlackboardVariableValues checks="1" operator="and" namespace="{a}"/>'
-    assert found(f'<Sequence>\n<SubTree ID="B" a="x"/>\n{wrong}\n</Sequence>') == [
+    assert findings_in(f'<Sequence>\n<SubTree ID="B" a="x"/>\n{wrong}\n</Sequence>') == [
         ("unknown-tree", 4),
         ("wrong-value", 5),
     ]

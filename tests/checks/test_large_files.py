@@ -68,20 +68,22 @@ def subtrees(use: str, tree: str, tree_id: str = "T{0}") -> Callable[[int], str]
     """Return a function that makes a sequence of subtrees, each with its own tree."""
 
     def text(count: int) -> str:
-        trees = [another(tree.format(number), tree_id.format(number)) for number in range(count)]
+        trees = [another_tree(tree.format(number), tree_id.format(number)) for number in range(count)]
         return "\n".join([each(use)(count), *trees])
 
     return text
 
 
-def another(body: str, tree_id: str) -> str:
+def another_tree(body: str, tree_id: str) -> str:
     """Return the end of a tree, and another tree up to its end."""
     return f'</BehaviorTree>\n<BehaviorTree ID="{tree_id}">\n{body}'
 
 
 def one_subtree(argument: str, read: str) -> Callable[[int], str]:
     """Return a function that makes a subtree with a number of arguments and a number of reads."""
-    return lambda count: f'<SubTree ID="T" {attributes(count, argument)}/>' + another(each(read)(count), "T")
+    return lambda count: (
+        f'<SubTree ID="T" {attributes(count, argument)}/>' + another_tree(each(read)(count), "T")
+    )
 
 
 def one_script(statement: str) -> Callable[[int], str]:
@@ -89,7 +91,7 @@ def one_script(statement: str) -> Callable[[int], str]:
     return lambda count: f'<Script code="{"; ".join(map(statement.format, range(count)))}"/>'
 
 
-def one(tag: str, attribute: str) -> Callable[[int], str]:
+def one_element(tag: str, attribute: str) -> Callable[[int], str]:
     """Return a function that makes an element with a number of attributes."""
     return lambda count: f"<{tag} {attributes(count, attribute)}/>"
 
@@ -98,9 +100,9 @@ WRITES = '<Script code="k{0} := 1"/>'
 READS = '<ScriptCondition code="k{0} == 1"/>'
 KINDS: dict[str, Callable[[int], str]] = {
     "leaves": each('<AlwaysSuccess name="n{0}"/>'),
-    "unknown attributes in one element": one("AlwaysSuccess", 'foo{0}="1"'),
-    "unknown attributes of a tag with several meanings": one("SetBlackboard", 'foo{0}="1"'),
-    "unknown attributes of a subtree": one("SubTree", '_foo{0}="1"'),
+    "unknown attributes in one element": one_element("AlwaysSuccess", 'foo{0}="1"'),
+    "unknown attributes of a tag with several meanings": one_element("SetBlackboard", 'foo{0}="1"'),
+    "unknown attributes of a subtree": one_element("SubTree", '_foo{0}="1"'),
     "keys of one subtree": one_subtree('x{0}="{0}"', '<ScriptCondition code="x{0} == 1"/>'),
     "keys that one subtree does not use": one_subtree('x{0}="{0}"', '<ScriptCondition code="y{0} == 1"/>'),
     "mistakes of two kinds": alternating("<Foo/>", '<Delay delay_msec="x"><AlwaysSuccess/></Delay>'),
@@ -141,7 +143,7 @@ KINDS: dict[str, Callable[[int], str]] = {
     ),
     "texts for subtrees": lambda count: (
         sequence([each(WRITES)(count), each('<SubTree ID="T" name="{0}" x="a{0}"/>')(count)])
-        + another('<Sleep msec="{x}"/>', "T")
+        + another_tree('<Sleep msec="{x}"/>', "T")
     ),
     "references": alternating('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="d{0}"/>'),
     "references to nothing": alternating('<DetectSurvivor name="d{0}"/>', '<NotifyBase detect_node="e{0}"/>'),
@@ -161,7 +163,7 @@ KINDS: dict[str, Callable[[int], str]] = {
 }
 
 
-def calls(action: Callable[[], object]) -> int:
+def count_calls(action: Callable[[], object]) -> int:
     """Return the number of function calls of an action, including built-in functions."""
     count = 0
 
@@ -214,7 +216,7 @@ def _few_guesses(monkeypatch):
 def test_effort_grows_linearly_with_file_size(kind, yaml):
     once, twice = (all_steps(KINDS[kind](count), yaml=yaml) for count in (SIZE, 2 * SIZE))
     twice(), once()  # fill the caches, which do not count
-    assert calls(twice) < MOST_GROWTH * calls(once)
+    assert count_calls(twice) < MOST_GROWTH * count_calls(once)
 
 
 @pytest.mark.parametrize("yaml", [False, True], ids=["xml", "yaml"])

@@ -19,7 +19,7 @@ TREE = """<root BTCPP_format="4" main_tree_to_execute="Main">
 </TreeNodesModel></root>"""
 
 
-def found(body, port="speed"):
+def findings_in(body, port="speed"):
     findings = check(forest_of(TREE.format(body=body, port=port)), default_registry())
     return [(each.code, each.span.line, each.span.column) for each in findings if each.code != "unused-tree"]
 
@@ -35,20 +35,20 @@ def found(body, port="speed"):
     ],
 )
 def test_string_for_number_is_found_at_assignment(body, column, port):
-    told = found(body, port)
+    told = findings_in(body, port)
     assert ("key-of-two-types", 3, column) in told
     assert {code for code, *_ in told} <= {"key-of-two-types", "overwritten-key", "unread-key"}
 
 
 def test_string_for_number_is_found_at_argument_of_subtree():
-    assert found('<Script code="value := 1"/><SubTree ID="Part" given="fast"/>') == [
+    assert findings_in('<Script code="value := 1"/><SubTree ID="Part" given="fast"/>') == [
         ("key-of-two-types", 3, 54)
     ]
     # A string that is the name of a key lacks its braces.
     named = '<Script code="value := 1"/><SubTree ID="Part" given="value"/>'
-    assert found(named) == [("key-as-text", 3, 54)]
+    assert findings_in(named) == [("key-as-text", 3, 54)]
     script = "<Script code=\"value := 1; other := 'fast'\"/>"
-    assert found(f'{script}<SubTree ID="Part" given="{{other}}"/>') == [("key-of-two-types", 3, 36)]
+    assert findings_in(f'{script}<SubTree ID="Part" given="{{other}}"/>') == [("key-of-two-types", 3, 36)]
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_string_for_number_is_found_at_argument_of_subtree():
 )
 def test_readable_or_unknown_value_is_no_finding(written, port):
     body = f'<Script code="x := 1; value := {written}"/><ScriptCondition code="x == 1"/><SubTree ID="Part" given="{{x}}"/>'
-    assert found(body, port) == []
+    assert findings_in(body, port) == []
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_string_is_found_after_long_chain_of_copies():
     # In the second half, each key is copied twice from the previous key; both copies have the same value.
     body = "\n".join(["<Script code=\"k0 := 'fast'\"/>", *chain])
     last = f'<SetBlackboard value="{{k{len(chain)}}}" output_key="value"/>'
-    assert ("key-of-two-types", 4 + len(chain), 23) in found(f"{body}\n{last}")
+    assert ("key-of-two-types", 4 + len(chain), 23) in findings_in(f"{body}\n{last}")
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_valid_literal_for_inout_port_is_warning(cpp, written, note, told):
 
 def test_literal_queue_of_loop_is_no_wrong_value():
     body = '<LoopInt queue="1;2" value="{v}"><Drive count="{v}"/></LoopInt>'
-    assert "wrong-value" not in {code for code, *_ in found(body)}
+    assert "wrong-value" not in {code for code, *_ in findings_in(body)}
 
 
 def test_string_copied_over_number_of_subtree_is_one_finding():

@@ -15,7 +15,7 @@ def registry() -> Registry:
     return default_registry()
 
 
-def found(text, registry):
+def findings_in(text, registry):
     findings = check(forest_of(text), registry)
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in findings]
 
@@ -194,7 +194,7 @@ IN_A_TREE = {
 @pytest.mark.parametrize("name", IN_A_TREE)
 def test_error_in_tree_is_reported_with_location(name, registry):
     body, *expected = IN_A_TREE[name]
-    assert found(document(body), registry) == [tuple(expected)]
+    assert findings_in(document(body), registry) == [tuple(expected)]
 
 
 TREE = '<BehaviorTree ID="A"><Success/></BehaviorTree>'
@@ -287,7 +287,7 @@ IN_A_FILE = {
 @pytest.mark.parametrize("name", IN_A_FILE)
 def test_error_outside_trees_is_reported_with_location(name, registry):
     text, *expected = IN_A_FILE[name]
-    assert found(text, registry) == [tuple(expected)]
+    assert findings_in(text, registry) == [tuple(expected)]
 
 
 @pytest.mark.parametrize(
@@ -305,7 +305,7 @@ def test_content_outside_trees_that_btcpp_ignores_is_warning(text, code, column,
 
 def test_all_errors_are_reported_at_once_in_file_order(registry):
     body = '<Selector memory="no">\n<Sequence/>\n<Inverter colour="red"><Sucess/></Inverter>\n</Selector>'
-    assert [code for code, *_ in found(document(body), registry)] == [
+    assert [code for code, *_ in findings_in(document(body), registry)] == [
         "wrong-value",
         "empty-control",
         "unknown-attribute",
@@ -315,13 +315,13 @@ def test_all_errors_are_reported_at_once_in_file_order(registry):
 
 def test_unused_trees_are_checked(registry):
     text = f'<root BTCPP_format="4" main_tree_to_execute="A">{TREE}\n<BehaviorTree ID="B"><Sucess/></BehaviorTree></root>'
-    assert [(code, line) for code, line, *_ in found(text, registry)] == [("unknown-node", 2)]
+    assert [(code, line) for code, line, *_ in findings_in(text, registry)] == [("unknown-node", 2)]
 
 
 @pytest.mark.parametrize("broken", ["<DetectSurviver/>", '<Xyzzy name="DetectSurvivor"/>'])
 def test_misspelt_node_causes_no_second_finding_at_references(broken, registry):
     body = f'<Sequence>{broken}<NotifyBase detect_node="DetectSurvivor"/></Sequence>'
-    assert [code for code, *_ in found(document(body), registry)] == ["unknown-node"]
+    assert [code for code, *_ in findings_in(document(body), registry)] == ["unknown-node"]
 
 
 def test_message_names_remedy(registry):
@@ -351,7 +351,7 @@ CORRECT = {
 
 @pytest.mark.parametrize("name", CORRECT)
 def test_correct_tree_has_no_findings(name, registry):
-    assert found(document(CORRECT[name]), registry) == []
+    assert findings_in(document(CORRECT[name]), registry) == []
 
 
 @pytest.mark.parametrize(
@@ -367,7 +367,7 @@ def test_correct_tree_has_no_findings(name, registry):
     ],
 )
 def test_correct_file_has_no_findings(text, registry):
-    assert found(text, registry) == []
+    assert findings_in(text, registry) == []
 
 
 def test_shipped_tree_has_no_findings(registry):

@@ -14,7 +14,7 @@ from tests.trees import forest
 REGISTRY = load_registry(palettes=["nav2:main"])
 
 
-def found(body):
+def findings_in(body):
     return [each for each in check(forest(body), REGISTRY) if each.severity is not Severity.INFO]
 
 
@@ -38,7 +38,7 @@ def found(body):
     ],
 )  # fmt: skip
 def test_unusual_number_is_warning_with_conversion(body, message, hint):
-    [finding] = found(body)
+    [finding] = findings_in(body)
     assert (finding.code, finding.severity) == ("out-of-range", Severity.WARNING)
     assert message in finding.message
     assert finding.hint == hint
@@ -54,20 +54,22 @@ def test_unusual_number_is_warning_with_conversion(body, message, hint):
     ],
 )
 def test_number_at_end_of_usual_range_is_no_warning(body):
-    assert [each for each in found(body) if each.code == "out-of-range"] == []
+    assert [each for each in findings_in(body) if each.code == "out-of-range"] == []
 
 
 @pytest.mark.parametrize("text", ["", "{}", " { } ".replace(" ", "")])
 def test_empty_output_is_warning(text):
-    [finding] = found(f'<Sequence><ComputePathToPose goal="1;map;0;0;0;0;0;0;1" path="{text}"/></Sequence>')
+    [finding] = findings_in(
+        f'<Sequence><ComputePathToPose goal="1;map;0;0;0;0;0;0;1" path="{text}"/></Sequence>'
+    )
     assert (finding.code, finding.severity) == ("ignored-attribute", Severity.WARNING)
     assert finding.hint == 'remove path, or write path="{key}"'
-    assert found('<Sequence><ComputePathToPose goal="1;map;0;0;0;0;0;0;1"/></Sequence>') == []
+    assert findings_in('<Sequence><ComputePathToPose goal="1;map;0;0;0;0;0;0;1"/></Sequence>') == []
 
 
 @pytest.mark.parametrize(("text", "suggestion"), [("road", "{road}"), ("${road}", "{road}"), ("a b", None)])
 def test_literal_for_output_is_error(text, suggestion):
-    [finding] = found(f'<ComputePathToPose goal="1;map;0;0;0;0;0;0;1" path="{text}"/>')
+    [finding] = findings_in(f'<ComputePathToPose goal="1;map;0;0;0;0;0;0;1" path="{text}"/>')
     assert (finding.code, finding.severity, finding.suggestion) == ("wrong-value", Severity.ERROR, suggestion)
 
 
@@ -77,7 +79,7 @@ def test_literal_for_output_is_error(text, suggestion):
 )
 def test_key_with_dollar_sign_gets_suggestion(text, suggestion):
     body = f'<Sequence><Script code="g := 1"/><SetBlackboard output_key="out" value="{text}"/></Sequence>'
-    keys = [each for each in found(body) if each.code == "unclosed-key"]
+    keys = [each for each in findings_in(body) if each.code == "unclosed-key"]
     assert [each.suggestion for each in keys] == ([suggestion] if suggestion else [])
 
 

@@ -52,7 +52,7 @@ REGISTRY = Registry(
 LOOK, SAY = '<Look at="{a}"/>', '<Say text="{a}"/>'
 
 
-def found(tree: str) -> list[tuple[int, int, str]]:
+def findings_in(tree: str) -> list[tuple[int, int, str]]:
     findings = check(forest_of(document(tree)), REGISTRY)
     return [(each.span.line, each.span.column, each.message) for each in findings if each.code == CODE]
 
@@ -80,7 +80,7 @@ WRONG = {
 @pytest.mark.parametrize("name", WRONG)
 def test_read_after_outcome_that_does_not_write_is_reported(name: str) -> None:
     tree, place = WRONG[name]
-    findings = found(tree)
+    findings = findings_in(tree)
     assert [each[:2] for each in findings] == [place]
 
 
@@ -103,7 +103,7 @@ RIGHT = {
 
 @pytest.mark.parametrize("name", RIGHT)
 def test_read_that_may_be_correct_has_no_findings(name: str) -> None:
-    assert found(f'<Sequence><Script code="seen := 0"/>{RIGHT[name]}</Sequence>') == []
+    assert findings_in(f'<Sequence><Script code="seen := 0"/>{RIGHT[name]}</Sequence>') == []
 
 
 def test_message_names_leaf_outcome_and_remedy() -> None:

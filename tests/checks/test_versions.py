@@ -23,7 +23,7 @@ MAIN = '<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="M
 PART = '<BehaviorTree ID="{0}">{1}</BehaviorTree></root>'
 
 
-def ids(tree_id):
+def tree_with_id(tree_id):
     return MAIN.format(f'<SubTree ID="{tree_id}"/>') + PART.format(tree_id, "<Success/>")
 
 
@@ -33,9 +33,9 @@ SWITCH = '<Switch2 variable="{zone}" case_1="7" case_2="8"><Success/><Success/><
 A_NUMBER = "a number for a port that reads a text"
 # Each: a file, the versions that reject it, and line and column of their finding.
 CASES = {
-    "an ID with a blank": (ids("my tree"), {"4.9", "4.10"}, (3, 19)),
-    "an ID with a dot": (ids("v.2"), {"4.9", "4.10"}, (3, 19)),
-    "the ID Root": (ids("Root"), {"4.9", "4.10"}, (3, 19)),
+    "an ID with a blank": (tree_with_id("my tree"), {"4.9", "4.10"}, (3, 19)),
+    "an ID with a dot": (tree_with_id("v.2"), {"4.9", "4.10"}, (3, 19)),
+    "the ID Root": (tree_with_id("Root"), {"4.9", "4.10"}, (3, 19)),
     "the name of a port with a dot": (
         MAIN.format('<SubTree ID="B" a-b="5" a.b="5"/>')
         + PART.format(
@@ -167,7 +167,7 @@ def _without_constants(findings):
     return [finding for finding in findings if finding.code != "constant-condition"]
 
 
-def in_script(code):
+def findings_in_script(code):
     """Return the codes, lines, columns and hints of the findings about a script that assigns `a` and `b`, by version."""
     text = document(f'<Sequence>\n<Script code="{code}"/>\n<ScriptCondition code="a == b"/>\n</Sequence>')
     return {
@@ -181,7 +181,7 @@ def in_script(code):
 
 @pytest.mark.parametrize("sign", [":=", "=", "+=", "-=", "*=", "/="])
 def test_second_assignment_in_expression_is_reported(sign):
-    found = in_script(f"b := 4; a := b {sign} 2")
+    found = findings_in_script(f"b := 4; a := b {sign} 2")
     assert ([code for code, *_ in found["4.8"]], found["4.10"]) == (["btcpp-version"], [])
 
 
@@ -189,7 +189,7 @@ def test_second_assignment_in_expression_is_reported(sign):
     ("code", "column"), [("a := 1 b := 2", 22), ("a := (1) (b := 2)", 25), ("a := 1; b := 2 (a += 1)", 31)]
 )
 def test_touching_statements_are_reported_for_every_version(code, column):
-    found = in_script(code)
+    found = findings_in_script(code)
     hint = "write ; between the two statements, or write the missing operator"
     assert found["4.8"] == [("btcpp-version", 4, column, "write ; between the two")]
     assert found["4.9"] == found["4.10"] == [("touching-statements", 4, column, hint)]
@@ -199,11 +199,11 @@ def test_touching_statements_are_reported_for_every_version(code, column):
     "code", ["a := 1;b := 2", "a := (1);;(b := 2);", "a := 1\nb := 2", "a := 1 &#10; b := (2)"]
 )
 def test_separated_statements_are_not_reported(code):
-    assert in_script(code)["4.10"] == []
+    assert findings_in_script(code)["4.10"] == []
 
 
 def test_choice_in_words_gets_hint_with_operator():
-    found = in_script("a := 1 if 0 else 2; b := 1")["4.10"]
+    found = findings_in_script("a := 1 if 0 else 2; b := 1")["4.10"]
     assert ("idle-statement", 4, 22, "write a choice as 'condition ? value : other value'") in found
 
 
@@ -247,13 +247,13 @@ def test_explicit_node_in_reactive_fallback_is_not_reported():
 
 @pytest.mark.parametrize("tree_id", ["Größe", "ROOT", "a-b", "a_b", "Timer", "Success", "Condition"])
 def test_id_accepted_by_every_version_has_no_findings(tree_id):
-    assert check(forest_of(ids(tree_id)), default_registry()) == []
+    assert check(forest_of(tree_with_id(tree_id)), default_registry()) == []
 
 
 @pytest.mark.parametrize("tree_id", ["my tree", "v.2", "Root"])
 @pytest.mark.parametrize(("version", "said"), [("4.8", 0), ("4.10", 1)])
 def test_conversion_depends_on_version(tree_id, version, said):
-    notes = to_btcpp(parse_xml(ids(tree_id)), default_registry(), (), VERSIONS[version])[1]
+    notes = to_btcpp(parse_xml(tree_with_id(tree_id)), default_registry(), (), VERSIONS[version])[1]
     assert [note.code for note in notes] == ["no-counterpart"] * said
 
 
@@ -268,7 +268,7 @@ def test_node_of_newer_version_has_no_counterpart_in_older_version():
 def project(tmp_path, monkeypatch):
     """Return a function that writes the configuration of a project."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "tree.xml").write_text(ids("my tree"), encoding="utf-8")
+    (tmp_path / "tree.xml").write_text(tree_with_id("my tree"), encoding="utf-8")
 
     def write(settings, name="sar.toml"):
         (tmp_path / name).write_text(settings, encoding="utf-8")

@@ -19,7 +19,7 @@ def places(findings):
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in findings]
 
 
-def found(text):
+def findings_in(text):
     return places(check(forest_of(text), default_registry()))
 
 
@@ -115,25 +115,25 @@ IN_A_TREE = {
 @pytest.mark.parametrize("name", IN_A_TREE)
 def test_error_in_tree_has_one_finding_with_suggestion(name):
     body, expected = IN_A_TREE[name]
-    findings = [f for f in found(document(body)) if f[0] != "recursive-tree"]
+    findings = [f for f in findings_in(document(body)) if f[0] != "recursive-tree"]
     assert findings == [expected]
 
 
 def test_root_in_wrong_case_gets_suggestion():
     text = '<Root BTCPP_format="4"><BehaviorTree ID="Main"><NavigateToBase/></BehaviorTree></Root>'
-    assert found(text) == [("wrong-root", 1, 1, "root")]
+    assert findings_in(text) == [("wrong-root", 1, 1, "root")]
 
 
 def test_misspelt_tree_element_is_not_also_reported_as_missing():
     text = '<root BTCPP_format="4">\n<BehaviourTree ID="Main"><NavigateToBase/></BehaviourTree></root>'
-    assert found(text) == [("unknown-element", 2, 1, "BehaviorTree")]
+    assert findings_in(text) == [("unknown-element", 2, 1, "BehaviorTree")]
 
 
 def test_misspelt_tree_element_is_not_reported_at_its_use():
     text = document('<SubTree ID="Side"/>').replace(
         "</root>", '<Behaviortree ID="Side"><NavigateToBase/></Behaviortree></root>'
     )
-    assert [code for code, *_ in found(text)] == ["unknown-element"]
+    assert [code for code, *_ in findings_in(text)] == ["unknown-element"]
 
 
 SUBTREE = (
@@ -147,41 +147,45 @@ SUBTREE = (
 )
 def test_subtree_attribute_without_underscore_gets_suggestion(written, meant):
     text = SUBTREE.format(main=f'<SubTree ID="Rest" {written}="true"/>', rest="<NavigateToBase/>")
-    assert found(text) == [("unused-argument", 2, 20, meant)]
+    assert findings_in(text) == [("unused-argument", 2, 20, meant)]
 
 
 def test_unwritten_key_passed_to_subtree_is_found_at_argument():
     main = '<Sequence><Script code="pause := 5"/>\n<SubTree ID="Rest" time="{puase}"/><ScriptCondition code="pause == 5"/></Sequence>'
     text = SUBTREE.format(main=main, rest='<Sleep msec="{time}"/>')
-    assert found(text) == [("unwritten-key", 3, 26, "{pause}")]
+    assert findings_in(text) == [("unwritten-key", 3, 26, "{pause}")]
 
 
 def test_key_in_misspelt_argument_is_not_also_reported_as_unread():
     main = '<Sequence><Script code="pause := 5"/>\n<SubTree ID="Rest" tiem="{pause}"/></Sequence>'
     text = SUBTREE.format(main=main, rest='<Sleep msec="{time}"/>')
-    assert found(text) == [("unused-argument", 3, 20, "time")]
+    assert findings_in(text) == [("unused-argument", 3, 20, "time")]
 
 
 def test_tree_with_name_instead_of_id_is_not_also_missing():
     text = SUBTREE.format(main='<SubTree ID="Rest"/>', rest="<NavigateToBase/>").replace(
         'ID="Rest">\n', 'name="Rest">\n'
     )
-    assert [(code, suggestion) for code, _, _, suggestion in found(text)] == [("unknown-attribute", "ID")]
+    assert [(code, suggestion) for code, _, _, suggestion in findings_in(text)] == [
+        ("unknown-attribute", "ID")
+    ]
 
 
 def test_main_tree_with_name_instead_of_id_is_not_also_missing():
     text = SUBTREE.format(main='<SubTree ID="Rest"/>', rest="<NavigateToBase/>").replace(
         'ID="Main">', 'name="Main">'
     )
-    assert [(code, suggestion) for code, _, _, suggestion in found(text)] == [("unknown-attribute", "ID")]
+    assert [(code, suggestion) for code, _, _, suggestion in findings_in(text)] == [
+        ("unknown-attribute", "ID")
+    ]
 
 
 def test_string_for_output_of_subtree_is_found_at_argument():
     main = '<SubTree ID="Rest"\nfound="yes"/>'
     model = '<TreeNodesModel><SubTree ID="Rest"><output_port name="found"/></SubTree></TreeNodesModel>'
     text = SUBTREE.format(main=main, rest='<Script code="found := 1"/>').replace("</root>", f"{model}</root>")
-    assert ("unwritten-key", 3, 8, "{yes}") in found(text)
-    assert not any(code == "unwritten-key" for code, *_ in found(text.replace('"yes"', '"{yes}"')))
+    assert ("unwritten-key", 3, 8, "{yes}") in findings_in(text)
+    assert not any(code == "unwritten-key" for code, *_ in findings_in(text.replace('"yes"', '"{yes}"')))
 
 
 INCLUDING = (
@@ -191,7 +195,7 @@ INCLUDING = (
 PART = '<root BTCPP_format="4">\n<BehaviorTree ID="Part"><NavigateToBase/></BehaviorTree>{end}'
 
 
-def included(folder, include, end="</root>"):
+def findings_with_include(folder, include, end="</root>"):
     (folder / "main.xml").write_text(INCLUDING.format(include=include))
     (folder / "parts.xml").write_text(PART.format(end=end))
     findings = check(load_forest(folder / "main.xml", read_tree_file), default_registry())
@@ -202,21 +206,23 @@ def included(folder, include, end="</root>"):
 
 
 def test_missing_include_suggests_similar_file(tmp_path):
-    assert included(tmp_path, 'path="./part.xml"') == [
+    assert findings_with_include(tmp_path, 'path="./part.xml"') == [
         ("main.xml", "unreadable-include", 2, 16, "./parts.xml")
     ]
 
 
 def test_wrong_attribute_for_include_path_gets_suggestion(tmp_path):
-    assert included(tmp_path, 'file="parts.xml"') == [("main.xml", "unknown-attribute", 2, 10, "path")]
+    assert findings_with_include(tmp_path, 'file="parts.xml"') == [
+        ("main.xml", "unknown-attribute", 2, 10, "path")
+    ]
 
 
 def test_trees_of_malformed_file_are_not_also_missing(tmp_path):
-    findings = included(tmp_path, 'path="parts.xml"', end="")
+    findings = findings_with_include(tmp_path, 'path="parts.xml"', end="")
     assert [(file, code) for file, code, *_ in findings] == [("parts.xml", "malformed-xml")]
 
 
-def malformed(body):
+def syntax_error_in(body):
     try:
         (finding,) = parse_xml(f"<root>\n{body}\n</root>").findings
     except TreeError as error:
@@ -239,7 +245,7 @@ MALFORMED = {
 @pytest.mark.parametrize("name", MALFORMED)
 def test_xml_syntax_error_has_location_and_suggestion(name):
     body, line, column, suggestion, words = MALFORMED[name]
-    *place, message = malformed(body)
+    *place, message = syntax_error_in(body)
     assert place == [line, column, suggestion]
     assert words in message
 
@@ -266,7 +272,7 @@ NOTED = (
     "note", [*NOTES, "_hidden", "_id", "_note", "_x", "_position", "_größe", "_skip_list", "_on"]
 )
 def test_editor_note_is_accepted_in_every_element(note):
-    assert found(NOTED.format(f'{note}="1"')) == []
+    assert findings_in(NOTED.format(f'{note}="1"')) == []
     yaml = convert(parse_xml(NOTED.format(f'{note}="1"')), Form.YAML).text
     assert yaml.count(note) == 6
     assert check(Forest.from_file(parse_yaml(yaml, "test.yaml")), default_registry()) == []
@@ -318,7 +324,7 @@ def test_note_whose_value_is_no_condition_is_accepted(value):
     text = document(
         f'<Sequence><Script code="ready := 1"/><NavigateToBase _mine="{value.replace("<", "&lt;")}"/></Sequence>'
     )
-    assert "unknown-attribute" not in [code for code, *_ in found(text)]
+    assert "unknown-attribute" not in [code for code, *_ in findings_in(text)]
 
 
 @pytest.mark.parametrize("place", ["root", "BehaviorTree", "include"])
@@ -326,7 +332,7 @@ def test_condition_outside_node_is_unknown_attribute(place):
     text = (
         '<root BTCPP_format="4"><include path="a.xml"/><BehaviorTree ID="A"><Success/></BehaviorTree></root>'
     )
-    codes = [code for code, *_ in found(text.replace(f"<{place}", f'<{place} _skipIf="true"'))]
+    codes = [code for code, *_ in findings_in(text.replace(f"<{place}", f'<{place} _skipIf="true"'))]
     assert "unknown-attribute" in codes
 
 
@@ -342,23 +348,23 @@ def test_condition_outside_node_is_unknown_attribute(place):
     ],
 )
 def test_former_node_name_suggests_current_name(former, today):
-    assert found(document(f"<{former}><Success/></{former}>"))[0] == ("unknown-node", 3, 1, today)
+    assert findings_in(document(f"<{former}><Success/></{former}>"))[0] == ("unknown-node", 3, 1, today)
 
 
 @pytest.mark.parametrize("tag", ["CheckCondition", "LogTextAction", "NavigateToPose", "IsSurvivorFound"])
 def test_foreign_node_does_not_suggest_mission_leaf(tag):
-    [(code, _, _, suggestion)] = found(document(f"<{tag}/>"))
+    [(code, _, _, suggestion)] = findings_in(document(f"<{tag}/>"))
     assert (code, suggestion) == ("unknown-node", None)
 
 
 def test_mission_leaf_is_suggested_beside_another_leaf_of_mission():
-    [alone] = found(document("<NavigateZones/>"))
-    beside = found(document("<Sequence><NavigateToBase/>\n<NavigateZones/></Sequence>"))
+    [alone] = findings_in(document("<NavigateZones/>"))
+    beside = findings_in(document("<Sequence><NavigateToBase/>\n<NavigateZones/></Sequence>"))
     assert (alone[3], [each[3] for each in beside]) == (None, ["NavigateToZone"])
 
 
 def test_small_typo_in_mission_leaf_gets_suggestion():
-    assert found(document("<NavigateToBse/>")) == [("unknown-node", 3, 1, "NavigateToBase")]
+    assert findings_in(document("<NavigateToBse/>")) == [("unknown-node", 3, 1, "NavigateToBase")]
 
 
 def test_tag_that_is_tree_id_gets_subtree_hint():

@@ -49,7 +49,7 @@ LEAVES = [NodeSpec(cls.__name__, cls, Kind.ACTION, STATUSES) for cls in (Say, Fi
 REGISTRY = Registry([*default_registry().specs(), *LEAVES, NodeSpec("CountUp", Count, Kind.ACTION, STATUSES)])
 
 
-def found(text):
+def findings_in(text):
     return [(f.code, f.span.line, f.span.column, f.suggestion) for f in check(forest_of(text), REGISTRY)]
 
 
@@ -189,12 +189,12 @@ def trees(main, *others):
 
 
 def test_unused_tree_is_reported():
-    assert found(trees("<Success/>", ("B", "<Success/>"))) == [("unused-tree", 3, 19, None)]
+    assert findings_in(trees("<Success/>", ("B", "<Success/>"))) == [("unused-tree", 3, 19, None)]
 
 
 def test_only_outermost_of_unused_trees_is_reported():
     text = trees("<Success/>", ("B", '<SubTree ID="C"/>'), ("C", "<Success/>"))
-    assert found(text) == [("unused-tree", 3, 19, None)]
+    assert findings_in(text) == [("unused-tree", 3, 19, None)]
 
 
 def test_unused_argument_of_subtree_suggests_similar_key():
@@ -202,7 +202,7 @@ def test_unused_argument_of_subtree_suggests_similar_key():
         '<SubTree ID="B" at="hi" texxt="hi"/>',
         ("B", '<Sequence><Say text="{text}"/><Say text="{at}"/></Sequence>'),
     )
-    assert found(text) == [("unused-argument", 2, 49, "text")]
+    assert findings_in(text) == [("unused-argument", 2, 49, "text")]
 
 
 def test_key_not_passed_to_subtree_is_found_at_its_read():
@@ -216,7 +216,7 @@ def test_key_passed_to_subtree_is_followed_to_early_read():
         '<Sequence>\n<SubTree ID="B" text="{place}"/>\n<Find at="{place}"/></Sequence>',
         ("B", '<Say text="{text}"/>'),
     )
-    assert found(text) == [("read-before-write", 5, 33, None)]
+    assert findings_in(text) == [("read-before-write", 5, 33, None)]
 
 
 def test_key_passed_without_braces_is_warning_at_argument():
@@ -241,7 +241,7 @@ def test_string_that_subtree_compares_with_its_key_is_no_finding(code):
 def test_string_that_subtree_compares_with_another_key_is_reported():
     body = '<Sequence><Find at="{place}"/><SubTree ID="B" text="place"/></Sequence>'
     text = trees(body, ("B", "<ScriptCondition code=\"text == 'a' || @x == 'place'\"/>"))
-    assert "key-as-text" in [code for code, *_ in found(text)]
+    assert "key-as-text" in [code for code, *_ in findings_in(text)]
 
 
 @pytest.mark.parametrize(
@@ -262,7 +262,7 @@ MISSPELT = '<Find at="{place}"/><Say text="{plaice}"/>'
 
 def test_misspelt_key_is_found_beside_another_error():
     body = f"<Sequence>{MISSPELT}<Wiat/></Sequence>"
-    assert sorted(code for code, *_ in found(document(body))) == ["unknown-node", "unwritten-key"]
+    assert sorted(code for code, *_ in findings_in(document(body))) == ["unknown-node", "unwritten-key"]
 
 
 @pytest.mark.parametrize(
@@ -276,14 +276,14 @@ def test_misspelt_key_is_found_beside_another_error():
     ],
 )
 def test_misspelt_key_is_not_reported_if_faulty_node_may_write_it(mistake):
-    codes = [code for code, *_ in found(document(f"<Sequence>{MISSPELT}{mistake}</Sequence>"))]
+    codes = [code for code, *_ in findings_in(document(f"<Sequence>{MISSPELT}{mistake}</Sequence>"))]
     assert codes
     assert "unwritten-key" not in codes
 
 
 def test_unwritten_key_is_not_reported_if_faulty_script_may_write_it():
     body = '<Sequence>\n<Script code="a :="/>\n<ScriptCondition code="a"/></Sequence>'
-    assert [code for code, *_ in found(document(body))] == ["script-error"]
+    assert [code for code, *_ in findings_in(document(body))] == ["script-error"]
 
 
 CORRECT = {
@@ -353,27 +353,27 @@ def test_tree_may_read_input_ports_of_its_model():
         "</root>",
         '<TreeNodesModel><SubTree ID="Main"><input_port name="greeting"/></SubTree></TreeNodesModel></root>',
     )
-    assert found(text) == []
+    assert findings_in(text) == []
 
 
 def test_unread_key_written_by_subtree_is_found_in_subtree():
     text = trees('<SubTree ID="B" p="{place}"/>', ("B", '<Script code="p := 1"/>'))
-    assert found(text) == [("unread-key", 3, 36, None)]
+    assert findings_in(text) == [("unread-key", 3, 36, None)]
 
 
 def test_unused_argument_does_not_hide_unread_key():
     text = trees(
         '<Sequence><Script code="a := 1"/><SubTree ID="B" x="{@y}"/></Sequence>', ("B", "<Success/>")
     )
-    assert [code for code, *_ in found(text)] == ["unread-key", "unused-argument"]
+    assert [code for code, *_ in findings_in(text)] == ["unread-key", "unused-argument"]
 
 
 @pytest.mark.parametrize("leaf", ['<UnsetBlackboard key="a"/>', '<UnsetBlackboardVariable key="a"/>'])
 def test_node_that_unsets_key_neither_reads_nor_writes_it(leaf):
     body = f'<Sequence>\n<Script code="a := 1"/>\n{leaf}\n</Sequence>'
-    assert found(document(body)) == [("unread-key", 4, 15, None)]
+    assert findings_in(document(body)) == [("unread-key", 4, 15, None)]
     body = f'<Sequence>\n{leaf}\n<Say text="{{a}}"/>\n</Sequence>'
-    assert found(document(body)) == [("unwritten-key", 5, 12, None)]
+    assert findings_in(document(body)) == [("unwritten-key", 5, 12, None)]
 
 
 @pytest.mark.parametrize(
@@ -395,7 +395,7 @@ def test_node_that_unsets_key_neither_reads_nor_writes_it(leaf):
 )
 def test_node_that_tolerates_missing_key_may_precede_its_write(node):
     value = "'1'" if "queue" in node else "1"
-    assert found(document(f'<Sequence>{node}<Script code="a := {value}"/></Sequence>')) == []
+    assert findings_in(document(f'<Sequence>{node}<Script code="a := {value}"/></Sequence>')) == []
 
 
 @pytest.mark.parametrize(
@@ -409,7 +409,7 @@ def test_node_that_tolerates_missing_key_may_precede_its_write(node):
 )
 def test_node_that_writes_key_without_reading_it_overwrites_value(node):
     text = document(f'<Sequence>\n{node}\n{node}\n<Say text="{{a}}"/></Sequence>')
-    assert [(code, line) for code, line, *_ in found(text)] == [("overwritten-key", 5)]
+    assert [(code, line) for code, line, *_ in findings_in(text)] == [("overwritten-key", 5)]
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def findings_of(text):
     return check(forest_of(text), REGISTRY)
 
 
-def found(text):
+def findings_in(text):
     return [(f.code, f.span.line, f.span.column) for f in findings_of(text)]
 
 
@@ -232,11 +232,11 @@ def test_tree_with_unintended_behaviour_has_one_finding(name):
 
 def test_error_in_one_node_does_not_hide_finding_of_another():
     body = '<Sequence memory="false">\n<Beep/>\n<Drive colour="red"/>\n<Look/>\n</Sequence>'
-    assert found(document(body)) == [("repeated-effect", 4, 1), ("unknown-attribute", 5, 8)]
+    assert findings_in(document(body)) == [("repeated-effect", 4, 1), ("unknown-attribute", 5, 8)]
 
 
 def test_faulty_node_has_no_derived_findings():
-    assert [code for code, *_ in found(document('<Retry num_failures="three">\n<Beep/></Retry>'))] == [
+    assert [code for code, *_ in findings_in(document('<Retry num_failures="three">\n<Beep/></Retry>'))] == [
         "wrong-value"
     ]
 
@@ -260,7 +260,7 @@ def test_error_in_tree_used_twice_is_one_finding():
         '<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><Sequence>\n<SubTree ID="B"/><SubTree ID="B"/></Sequence>'
         '</BehaviorTree>\n<BehaviorTree ID="B"><Retry num_failures="3"><Beep/></Retry></BehaviorTree></root>'
     )
-    assert found(text) == [("without-effect", 3, 22)]
+    assert findings_in(text) == [("without-effect", 3, 22)]
 
 
 def test_repeated_effect_at_root_is_found_in_subtree():
@@ -269,7 +269,7 @@ def test_repeated_effect_at_root_is_found_in_subtree():
         '<BehaviorTree ID="B"><Selector memory="false">\n<Sequence><Ready/><Look/></Sequence>\n<Drive/></Selector>'
         "</BehaviorTree></root>"
     )
-    assert found(text) == [("repeated-effect", 4, 1)]
+    assert findings_in(text) == [("repeated-effect", 4, 1)]
 
 
 @pytest.mark.parametrize(
@@ -282,19 +282,19 @@ def test_repeated_effect_at_root_is_found_in_subtree():
 )
 def test_wait_before_long_action_in_reactive_sequence_is_endless_restart(leaf):
     body = f"<ReactiveSequence>\n{leaf}\n<Drive/>\n</ReactiveSequence>"
-    assert found(document(body)) == [("endless-restart", 4, 1)]
+    assert findings_in(document(body)) == [("endless-restart", 4, 1)]
 
 
 @pytest.mark.parametrize("loop", ["KeepRunningUntilFailure", 'Repeat num_cycles="-1"'])
 def test_endless_repetition_at_root_is_no_finding(loop):
-    assert found(document(f"<{loop}>\n<Beep/>\n</{loop.partition(' ')[0]}>")) == []
+    assert findings_in(document(f"<{loop}>\n<Beep/>\n</{loop.partition(' ')[0]}>")) == []
 
 
 def test_sequence_with_memory_loses_no_progress():
     steps = "<Look/><Drive/>"
     body = '<Selector memory="false">\n<Sequence><Ready/><Wait/></Sequence>\n<{0}>{1}</{0}>\n</Selector>'
-    assert found(document(body.format("Sequence", steps))) == [("lost-progress", 5, 1)]
-    assert found(document(body.format("SequenceWithMemory", steps))) == []
+    assert findings_in(document(body.format("Sequence", steps))) == [("lost-progress", 5, 1)]
+    assert findings_in(document(body.format("SequenceWithMemory", steps))) == []
 
 
 def test_nested_single_attempts_are_two_findings():
@@ -313,7 +313,7 @@ def test_child_of_try_catch_after_one_that_never_succeeds_is_unreachable():
 
 def test_child_of_try_catch_after_skipped_one_is_reachable():
     body = '<TryCatch>\n<Precondition if="false" else="SKIPPED"><Ready/></Precondition>\n<Drive/>\n<Look/>\n</TryCatch>'
-    assert [code for code, *_ in found(document(body))] == ["constant-condition"]
+    assert [code for code, *_ in findings_in(document(body))] == ["constant-condition"]
 
 
 def test_custom_control_with_sequence_semantics_is_checked_as_sequence():
@@ -344,12 +344,12 @@ def test_node_after_delay_of_zero_is_reachable():
         "<Fallback>\n<RunningIsFailure><Delay delay_msec='0'><AlwaysSuccess/></Delay></RunningIsFailure>\n"
         "<AlwaysSuccess name='after'/>\n</Fallback>"
     )
-    assert found(document(body)) == []
+    assert findings_in(document(body)) == []
 
 
 def test_missing_child_is_only_finding_of_control_and_its_decorator():
     text = document("<Inverter>\n<WhileDoElse>\n<Ready/>\n</WhileDoElse>\n</Inverter>")
-    assert found(text) == [("missing-child", 4, 1)]
+    assert findings_in(text) == [("missing-child", 4, 1)]
 
 
 def test_tree_with_id_of_node_in_named_palette_is_warning():
@@ -400,7 +400,7 @@ def test_constant_part_of_condition_is_reported_at_its_location(condition):
 @pytest.mark.parametrize("condition", ["x &lt; 1 &amp;&amp; x &gt; 2", "false"])
 def test_child_after_condition_that_is_never_true_is_unreachable(condition):
     body = f'<Sequence>\n<ScriptCondition code="{condition}"/>\n<Drive/>\n</Sequence>'
-    assert ("unreachable-node", 5, 1) in found(document(body))
+    assert ("unreachable-node", 5, 1) in findings_in(document(body))
 
 
 WAITS = {
@@ -422,17 +422,17 @@ SHORT_WAITS = {
 _WAITS_TREE = '<BehaviorTree ID="Waits"><Sequence><Drive/><Sleep msec="20000"/></Sequence></BehaviorTree>'
 
 
-def in_timeout(body):
+def findings_in_timeout(body):
     text = document(f'<Timeout msec="5000">{body}</Timeout>').replace("</root>", f"{_WAITS_TREE}</root>")
     return [each for each in findings_of(text) if each.code == "short-timeout"]
 
 
 @pytest.mark.parametrize("case", WAITS)
 def test_timeout_shorter_than_wait_is_warning(case):
-    (finding,) = in_timeout(WAITS[case])
+    (finding,) = findings_in_timeout(WAITS[case])
     assert finding.severity is Severity.WARNING
 
 
 @pytest.mark.parametrize("case", SHORT_WAITS)
 def test_timeout_that_some_run_keeps_is_no_warning(case):
-    assert in_timeout(SHORT_WAITS[case]) == []
+    assert findings_in_timeout(SHORT_WAITS[case]) == []

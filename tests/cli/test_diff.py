@@ -13,7 +13,7 @@ SHIPPED = Path("trees/search_and_rescue.xml")
 
 
 @pytest.fixture
-def changed(tmp_path):
+def changed_tree(tmp_path):
     path = tmp_path / "changed.xml"
     text = SHIPPED.read_text(encoding="utf-8")
     path.write_text(text.replace('<Sequence name="Patrol" memory="true">', '<Sequence name="Patrol">'))
@@ -24,24 +24,24 @@ def test_equal_trees_have_status_0_and_no_output(capsys):
     assert run(capsys, "diff", SHIPPED, "trees/search_and_rescue.yaml") == (0, "", "")
 
 
-def test_different_trees_have_status_1_and_one_line_per_difference(capsys, changed):
-    status, out, err = run(capsys, "diff", "search_and_rescue", changed)
+def test_different_trees_have_status_1_and_one_line_per_difference(capsys, changed_tree):
+    status, out, err = run(capsys, "diff", "search_and_rescue", changed_tree)
     assert (status, err) == (1, "")
     path = "SearchAndRescue/MissionOrReturnToBase/Patrol"
     assert out.startswith(f'changed  {path}: memory "true" -> not written  (')
-    assert out.endswith(f"search_and_rescue.xml:13, {changed}:13)\n")
+    assert out.endswith(f"search_and_rescue.xml:13, {changed_tree}:13)\n")
     assert out.count("\n") == 1
 
 
-def test_differences_are_printed_as_json(capsys, changed):
-    status, out, _ = run(capsys, "diff", SHIPPED, changed, "--format", "json")
+def test_differences_are_printed_as_json(capsys, changed_tree):
+    status, out, _ = run(capsys, "diff", SHIPPED, changed_tree, "--format", "json")
     (told,) = json.loads(out)
     assert status == 1
     assert told == {
         "change": "changed",
         "path": "SearchAndRescue/MissionOrReturnToBase/Patrol",
         "old": {"tag": "Sequence", "place": f"{SHIPPED}:13"},
-        "new": {"tag": "Sequence", "place": f"{changed}:13"},
+        "new": {"tag": "Sequence", "place": f"{changed_tree}:13"},
         "what": "memory",
         "before": "true",
         "after": None,
@@ -127,12 +127,12 @@ def test_palette_of_one_node_contains_only_that_node(capsys):
     ]
 
 
-def test_commands_run_without_ros(changed):
+def test_commands_run_without_ros(changed_tree):
     program = (
         "import sys; sys.modules['rclpy'] = None\n"
         "from sar_compiler.cli.compile import main\n"
         "main(['nodes', '--format', 'groot2']), main(['convert', sys.argv[1], '--to', 'btcpp'])\n"
         "sys.exit(main(['diff', sys.argv[1], sys.argv[2]]))"
     )
-    command = [sys.executable, "-c", program, str(SHIPPED), str(changed)]
+    command = [sys.executable, "-c", program, str(SHIPPED), str(changed_tree)]
     assert subprocess.run(command, capture_output=True, check=False).returncode == 1

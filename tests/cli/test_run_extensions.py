@@ -19,7 +19,7 @@ from sar_compiler.ros.run_extension import RunExtension
 from sar_compiler.terminal import RunOutput
 
 
-class Stage:
+class FakeRun:
     """A run, the calls of its extensions, and its log messages."""
 
     def __init__(self) -> None:
@@ -52,11 +52,11 @@ class Stage:
 class Noting(RunExtension):
     """Records each call, and may then fail."""
 
-    def __init__(self, stage: Stage, name: str, *, fails: bool) -> None:
-        self._stage, self._name, self._fails = stage, name, fails
+    def __init__(self, fake_run: FakeRun, name: str, *, fails: bool) -> None:
+        self._run, self._name, self._fails = fake_run, name, fails
 
     def _do(self, what: str) -> None:
-        self._stage.done.append(f"{self._name} {what}")
+        self._run.done.append(f"{self._name} {what}")
         if self._fails:
             raise ValueError(what)
 
@@ -64,121 +64,121 @@ class Noting(RunExtension):
         self._do(entry.kind)
 
     def on_begin(self) -> None:
-        self._stage.done.append(f"{self._name} began")
+        self._run.done.append(f"{self._name} began")
 
     def on_end(self, *, has_begun: bool) -> None:
         self._do("ended" if has_begun else "given up")
 
 
 @pytest.fixture
-def stage() -> Stage:
-    return Stage()
+def fake_run() -> FakeRun:
+    return FakeRun()
 
 
-def test_extension_that_fails_at_end_does_not_prevent_end_of_others(stage: Stage) -> None:
+def test_extension_that_fails_at_end_does_not_prevent_end_of_others(fake_run: FakeRun) -> None:
     with ExitStack() as stack:
-        makes = [lambda _, name=name: stage.make(name, fails=name != "b") for name in "abc"]
-        stage.extend(stack, *makes).on_begin()
+        makes = [lambda _, name=name: fake_run.make(name, fails=name != "b") for name in "abc"]
+        fake_run.extend(stack, *makes).on_begin()
     began = ["journal began", "a began", "b began", "c began"]
-    assert stage.done == [*began, "c ended", "b ended", "a ended", "journal ended"]
-    assert stage.said == ["Noting could not be closed: ValueError('ended')."] * 2
+    assert fake_run.done == [*began, "c ended", "b ended", "a ended", "journal ended"]
+    assert fake_run.said == ["Noting could not be closed: ValueError('ended')."] * 2
 
 
-def test_extension_that_fails_at_event_does_not_affect_others(stage: Stage) -> None:
+def test_extension_that_fails_at_event_does_not_affect_others(fake_run: FakeRun) -> None:
     with ExitStack() as stack:
-        makes = [lambda _, name=name: stage.make(name, fails=name == "a") for name in "ab"]
-        stage.extend(stack, *makes)
-        assert stage.journal.is_wanted
-        stage.journal.record_event("zone_visited")
-        stage.journal.record_event("base_reached")
-    done = [did for did in stage.done if not did.startswith("journal")]
+        makes = [lambda _, name=name: fake_run.make(name, fails=name == "a") for name in "ab"]
+        fake_run.extend(stack, *makes)
+        assert fake_run.journal.is_wanted
+        fake_run.journal.record_event("zone_visited")
+        fake_run.journal.record_event("base_reached")
+    done = [did for did in fake_run.done if not did.startswith("journal")]
     assert done[:3] == ["a zone_visited", "b zone_visited", "b base_reached"]
 
 
-def test_extensions_are_closed_if_later_one_cannot_be_created(stage: Stage) -> None:
+def test_extensions_are_closed_if_later_one_cannot_be_created(fake_run: FakeRun) -> None:
     def refuse(_: RunSetup) -> RunExtension:
         message = "no"
         raise SarError(message)
 
     with pytest.raises(SarError), ExitStack() as stack:
-        stage.extend(stack, lambda _: stage.make("a"), refuse)
-    assert stage.done == ["a given up", "journal given up"]
+        fake_run.extend(stack, lambda _: fake_run.make("a"), refuse)
+    assert fake_run.done == ["a given up", "journal given up"]
 
 
-def test_extension_that_ignores_events_does_not_make_journal_wanted(stage: Stage) -> None:
+def test_extension_that_ignores_events_does_not_make_journal_wanted(fake_run: FakeRun) -> None:
     class Silent(RunExtension):
         pass
 
     with ExitStack() as stack:
-        RunExtensions(stage.run, cast("Any", Silent()), [lambda _: Silent(), lambda _: None], stack)
-        assert not stage.journal.is_wanted
+        RunExtensions(fake_run.run, cast("Any", Silent()), [lambda _: Silent(), lambda _: None], stack)
+        assert not fake_run.journal.is_wanted
 
 
 @pytest.fixture
-def screen(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> Any:
+def screen(fake_run: FakeRun, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return a screen that fails to draw, of a run that has started."""
     from sar_compiler.execution.run_view import RunScreen
 
     def fail(*_: object) -> Any:
-        stage.done.append("drawn")
+        fake_run.done.append("drawn")
         raise ValueError
 
     monkeypatch.setattr(RunScreen, "_draw", fail)
-    made = RunScreen(stage.run, lambda *_: [])
-    stage.journal.add_listener(made.on_entry)
-    stage.journal.begin({"tree": []}, {})
+    made = RunScreen(fake_run.run, lambda *_: [])
+    fake_run.journal.add_listener(made.on_entry)
+    fake_run.journal.begin({"tree": []}, {})
     return made
 
 
 @pytest.mark.ros
 def test_same_status_in_consecutive_ticks_is_logged_once(
-    stage: Stage, monkeypatch: pytest.MonkeyPatch
+    fake_run: FakeRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from sar_compiler.execution.run_view import ChangeLog
 
     lines: list[str] = []
-    monkeypatch.setattr(stage.output, "print_momentary", lines.append, raising=False)
-    stage.journal.add_listener(ChangeLog(stage.run).on_entry)
+    monkeypatch.setattr(fake_run.output, "print_momentary", lines.append, raising=False)
+    fake_run.journal.add_listener(ChangeLog(fake_run.run).on_entry)
     tree = {"class": "x", "name": "Try", "attributes": {}, "children": [], "file": "m.xml", "line": 1}
-    stage.journal.begin({"tree": tree}, {})
+    fake_run.journal.begin({"tree": tree}, {})
     for tick, status in ((1, "SUCCESS"), (2, "SUCCESS"), (3, "FAILURE"), (4, "SUCCESS"), (6, "SUCCESS")):
         for each in (status, "IDLE"):
-            stage.journal.record_observation("status", node=0, tick=tick, status=each, message="")
+            fake_run.journal.record_observation("status", node=0, tick=tick, status=each, message="")
     assert [line.split()[-1] for line in lines] == ["SUCCESS", "FAILURE", "SUCCESS", "SUCCESS"]
 
 
 @pytest.mark.ros
-def test_failed_view_is_reported_and_not_drawn_again(stage: Stage, screen: Any) -> None:
+def test_failed_view_is_reported_and_not_drawn_again(fake_run: FakeRun, screen: Any) -> None:
     screen.refresh()
     screen.refresh()
-    stage.output.leave()
-    assert stage.done == ["drawn"]
-    assert stage.said == ["The view has failed and was switched off: ValueError()."]
+    fake_run.output.leave()
+    assert fake_run.done == ["drawn"]
+    assert fake_run.said == ["The view has failed and was switched off: ValueError()."]
 
 
 @pytest.mark.ros
-def test_view_that_cannot_be_closed_is_reported(stage: Stage, screen: Any) -> None:
-    stage.output.leave()
-    assert stage.said == ["The view has failed and was switched off: ValueError()."]
+def test_view_that_cannot_be_closed_is_reported(fake_run: FakeRun, screen: Any) -> None:
+    fake_run.output.leave()
+    assert fake_run.said == ["The view has failed and was switched off: ValueError()."]
 
 
 @pytest.mark.ros
 def test_goals_are_canceled_before_view_is_closed_at_forced_end(
-    stage: Stage, capsys: pytest.CaptureFixture[str]
+    fake_run: FakeRun, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from sar_compiler.commands import ROBOT_MAY_MOVE
     from sar_compiler.ros.forced_end import ForcedEnd
     from sar_compiler.ros.leaves.goals import active_goals_of
 
-    active_goals_of(stage.node).before_sending("01" * 16, "/drive")
+    active_goals_of(fake_run.node).before_sending("01" * 16, "/drive")
     leaf: Any = Running("drive")
     leaf.status = Status.RUNNING
-    leaf.terminate = lambda _: stage.done.append("cancelled")
-    stage.output.leave = lambda: stage.done.append("closed")
+    leaf.terminate = lambda _: fake_run.done.append("cancelled")
+    fake_run.output.leave = lambda: fake_run.done.append("closed")
     signals: Any = SimpleNamespace()
-    end = ForcedEnd("sar-run", stage.node, leaf, signals, None, 1.0, before_message=stage.output.leave)
+    end = ForcedEnd("sar-run", fake_run.node, leaf, signals, None, 1.0, before_message=fake_run.output.leave)
     assert end.end_immediately() == ROBOT_MAY_MOVE
-    assert stage.done == ["cancelled", "closed"]
+    assert fake_run.done == ["cancelled", "closed"]
     assert "leaves were stopped" in capsys.readouterr().err
 
 

@@ -19,7 +19,7 @@ SHIPPED = "trees/search_and_rescue.xml"
 
 
 @pytest.fixture
-def broken(tmp_path):
+def invalid_tree(tmp_path):
     path = tmp_path / "broken.xml"
     path.write_text(document('<Selector>\n  <Sey message="hi"/>\n</Selector>'), encoding="utf-8")
     return str(path)
@@ -29,24 +29,24 @@ def test_valid_tree_has_status_0(capsys):
     assert run(capsys, "validate", SHIPPED) == (0, f"{SHIPPED}: no findings\n", "")
 
 
-def test_findings_have_status_1_and_go_to_standard_output(capsys, broken):
-    status, out, _ = run(capsys, "validate", broken)
+def test_findings_have_status_1_and_go_to_standard_output(capsys, invalid_tree):
+    status, out, _ = run(capsys, "validate", invalid_tree)
     assert status == 1
     assert out.startswith(
-        f"{broken}:4:3: error[unknown-node]: there is no node 'Sey'\n    4 |   <Sey message"
+        f"{invalid_tree}:4:3: error[unknown-node]: there is no node 'Sey'\n    4 |   <Sey message"
     )
 
 
-def test_every_file_is_checked_despite_errors_in_others(capsys, broken, tmp_path):
-    other = shutil.copy(broken, tmp_path / "other.xml")
-    status, out, _ = run(capsys, "validate", "--all", broken, SHIPPED, str(other))
+def test_every_file_is_checked_despite_errors_in_others(capsys, invalid_tree, tmp_path):
+    other = shutil.copy(invalid_tree, tmp_path / "other.xml")
+    status, out, _ = run(capsys, "validate", "--all", invalid_tree, SHIPPED, str(other))
     assert status == 1
     assert out.count("unknown-node") == 2
     assert f"{SHIPPED}: no findings" in out
 
 
-def test_missing_file_has_status_2_and_others_are_checked(capsys, broken):
-    status, out, err = run(capsys, "validate", "nowhere.xml", broken)
+def test_missing_file_has_status_2_and_others_are_checked(capsys, invalid_tree):
+    status, out, err = run(capsys, "validate", "nowhere.xml", invalid_tree)
     assert status == 2
     assert err.splitlines() == [
         "sar-compile: cannot read nowhere.xml: No such file or directory",
@@ -71,12 +71,12 @@ def test_other_files_are_checked_despite_unknown_tree_name(capsys):
     assert "there is no tree file 'nosuch'" in err
 
 
-def test_json_has_all_fields_of_finding(capsys, broken):
-    status, out, _ = run(capsys, "validate", "--format", "json", broken, SHIPPED)
+def test_json_has_all_fields_of_finding(capsys, invalid_tree):
+    status, out, _ = run(capsys, "validate", "--format", "json", invalid_tree, SHIPPED)
     assert status == 1
     assert json.loads(out) == [
         {
-            "file": broken,
+            "file": invalid_tree,
             "line": 4,
             "column": 3,
             "end_line": 4,
@@ -150,8 +150,8 @@ def test_show_prints_compiled_tree_as_json(capsys):
     assert "memory" not in root["children"][1]
 
 
-def test_show_of_invalid_tree_prints_findings_on_standard_error(capsys, broken):
-    status, out, err = run(capsys, "show", broken)
+def test_show_of_invalid_tree_prints_findings_on_standard_error(capsys, invalid_tree):
+    status, out, err = run(capsys, "show", invalid_tree)
     assert (status, out) == (1, "{o} Selector\n    --> Sey  ?\n")
     assert "unknown-node" in err
 

@@ -182,7 +182,7 @@ def test_tree_is_chosen_by_option_or_scenario(capsys, tmp_path, scenario):
 
 
 @pytest.fixture
-def described(tmp_path):
+def described_tree(tmp_path):
     """Return the arguments for a tree of nodes that only a palette describes."""
     nodes = '<Action ID="Grab"/><Decorator ID="Twice"/><Control ID="RecoveryNode"/>'
     palette = tmp_path / "palette.xml"
@@ -195,18 +195,18 @@ def described(tmp_path):
     return path, "--model", palette
 
 
-def test_replacements_for_described_nodes_are_simulated(capsys, described, scenario):
+def test_replacements_for_described_nodes_are_simulated(capsys, described_tree, scenario):
     script = scenario(
         "controls: {RecoveryNode: Fallback, Twice: Inverter}\n"
         "leaves: {Grab: [RUNNING, FAILURE]}\nexpect: {root: SUCCESS, within: 2 ticks}"
     )
-    status, out, err = run(capsys, *described, "--scenario", script)
+    status, out, err = run(capsys, *described_tree, "--scenario", script)
     assert (status, err) == (0, "")
     assert "  Grab  FAILURE\n" in out
 
 
-def test_replacement_applies_to_tree_named_by_scenario(capsys, described, scenario):
-    path, *options = described
+def test_replacement_applies_to_tree_named_by_scenario(capsys, described_tree, scenario):
+    path, *options = described_tree
     text = path.read_text(encoding="utf-8")
     other = '<BehaviorTree ID="Other"><Twice><Success/></Twice></BehaviorTree></root>'
     path.write_text(text.replace("<root ", '<root main_tree_to_execute="Main" ').replace("</root>", other))
@@ -216,8 +216,8 @@ def test_replacement_applies_to_tree_named_by_scenario(capsys, described, scenar
     assert "Grab" not in out
 
 
-def test_described_nodes_without_replacement_have_status_1(capsys, described, scenario):
-    status, out, err = run(capsys, *described)
+def test_described_nodes_without_replacement_have_status_1(capsys, described_tree, scenario):
+    status, out, err = run(capsys, *described_tree)
     assert status == 1
     assert "root" not in out
     places = [line for line in err.splitlines() if "error[only-described]" in line]
@@ -231,7 +231,7 @@ def test_described_nodes_without_replacement_have_status_1(capsys, described, sc
     )
     partly = scenario("controls: {RecoveryNode: Fallback}", "partly.yaml")
     wholly = scenario("controls: {RecoveryNode: Fallback, Twice: PassThrough}", "wholly.yaml")
-    status, out, err = run(capsys, *described, "--scenario", partly, "--scenario", wholly)
+    status, out, err = run(capsys, *described_tree, "--scenario", partly, "--scenario", wholly)
     assert (status, err.count("error[only-described]")) == (1, 1)
     assert "1 of 2 scenarios passed." in out
 
@@ -357,26 +357,26 @@ PATIENT = '<Timeout duration="{@patience}"><NavigateToZone/></Timeout>'
 
 
 @pytest.fixture
-def patient(tmp_path, scenario):
+def patient_tree(tmp_path, scenario):
     path = tmp_path / "patient.xml"
     path.write_text(document(PATIENT), encoding="utf-8")
     return [path, "--params", scenario(PARAMS, "params.yaml")]
 
 
-def test_parameter_file_sets_initial_facts_tick_rate_and_tree_parameters(capsys, patient, scenario):
+def test_parameter_file_sets_initial_facts_tick_rate_and_tree_parameters(capsys, patient_tree, scenario):
     waiting = scenario("leaves: {NavigateToZone: RUNNING}\nexpect: {root: FAILURE}")
-    status, out, err = run(capsys, *patient, "--scenario", waiting)
+    status, out, err = run(capsys, *patient_tree, "--scenario", waiting)
     assert (status, err) == (0, "")
     assert "ended after tick 4 (0.75 s): root FAILURE\nfacts at the end: zones_left = 2, at = ''" in out
 
 
-def test_parameter_file_applies_without_scenario(capsys, patient):
-    assert "facts at the end: zones_left = 2" in run(capsys, *patient)[1]
+def test_parameter_file_applies_without_scenario(capsys, patient_tree):
+    assert "facts at the end: zones_left = 2" in run(capsys, *patient_tree)[1]
 
 
-def test_scenario_overrides_parameter_file(capsys, patient, scenario):
+def test_scenario_overrides_parameter_file(capsys, patient_tree, scenario):
     own = "facts: {zones_left: 7}\nparameters: {patience: 2.0}\nperiod: 1s\nleaves: {NavigateToZone: RUNNING}"
-    out = run(capsys, *patient, "--scenario", scenario(own))[1]
+    out = run(capsys, *patient_tree, "--scenario", scenario(own))[1]
     assert "ended after tick 3 (2 s): root FAILURE\nfacts at the end: zones_left = 7" in out
 
 
@@ -391,24 +391,24 @@ def test_scenario_overrides_parameter_file(capsys, patient, scenario):
         (None, "No such file or directory"),
     ],
 )
-def test_wrong_parameter_file_has_status_2_and_reports_errors(capsys, patient, scenario, text, said):
+def test_wrong_parameter_file_has_status_2_and_reports_errors(capsys, patient_tree, scenario, text, said):
     path = scenario(text or "", "params.yaml")
     if text is None:
         path.unlink()
-    status, out, err = run(capsys, *patient)
+    status, out, err = run(capsys, *patient_tree)
     assert (status, out) == (2, "")
     assert said.format(path=path) in err
 
 
-def test_parameter_of_wrong_type_has_status_1(capsys, patient, scenario):
+def test_parameter_of_wrong_type_has_status_1(capsys, patient_tree, scenario):
     scenario(PARAMS.replace("0.6", "long"), "params.yaml")
-    status, out, err = run(capsys, *patient)
+    status, out, err = run(capsys, *patient_tree)
     assert (status, out) == (1, "")
     assert "error[wrong-value]: duration" in err
 
 
-def test_misspelt_parameter_is_reported_with_location(capsys, patient, scenario):
+def test_misspelt_parameter_is_reported_with_location(capsys, patient_tree, scenario):
     path = scenario(PARAMS.replace("tick_rate_hz", "tick_rate"), "params.yaml")
-    assert run(capsys, *patient)[2] == (
+    assert run(capsys, *patient_tree)[2] == (
         f"note: {path}:3:41: parameter 'tick_rate' is not used: did you mean 'tick_rate_hz'?\n"
     )

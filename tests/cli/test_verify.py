@@ -300,12 +300,12 @@ SEARCHED = "properties: {searched on: {never: DetectSurvivor halted}, kept: {nev
 AGAINST = ("--against", "{folder}/before.xml", "--properties", "{folder}/p.yaml")
 
 
-def reactive(tree):
+def as_reactive(tree):
     return tree.replace("Sequence>", "ReactiveSequence>")
 
 
 def test_worse_verdict_than_before_has_status_1_and_counterexample(run, tmp_path):
-    status, out, err = run(reactive(FINE), *AGAINST, before=FINE, p=SEARCHED)
+    status, out, err = run(as_reactive(FINE), *AGAINST, before=FINE, p=SEARCHED)
     assert (status, err.count("warning[endless-restart]"), len(err.splitlines())) == (1, 1, 3)
     assert (
         "searched on: does not hold\n  it is violated in the last tick:\n    1  NavigateToZone arrived" in out
@@ -320,7 +320,7 @@ def test_worse_verdict_than_before_has_status_1_and_counterexample(run, tmp_path
 
 
 def test_better_verdict_than_before_has_status_0(run):
-    status, out, _ = run(FINE, *AGAINST, before=reactive(FINE), p=SEARCHED)
+    status, out, _ = run(FINE, *AGAINST, before=as_reactive(FINE), p=SEARCHED)
     assert status == 0
     assert out.startswith("before: ")
     assert "  searched on:                           proved; before: does not hold\n" in out
@@ -344,7 +344,7 @@ def test_mission_properties_of_either_tree_apply_to_both(run):
 
 
 def test_json_has_both_verdicts_of_every_question(run):
-    status, out, _ = run(reactive(FINE), *AGAINST, "--format", "json", before=FINE, p=SEARCHED)
+    status, out, _ = run(as_reactive(FINE), *AGAINST, "--format", "json", before=FINE, p=SEARCHED)
     told = json.loads(out)
     assert (status, told["worse"], told["before"]["complete"]) == (1, True, True)
     assert told["now"]["file"].endswith("tree.xml")
@@ -354,7 +354,7 @@ def test_json_has_both_verdicts_of_every_question(run):
 
 
 def test_limits_of_both_searches_are_reported(run):
-    status, out, _ = run(reactive(FINE), *AGAINST, "--max-states", "10", before=FINE, p=SEARCHED)
+    status, out, _ = run(as_reactive(FINE), *AGAINST, "--max-states", "10", before=FINE, p=SEARCHED)
     assert status == 1  # a short counterexample is found, and the other tree may or may not have one
     assert out.count(".xml: Not proved beyond 10 states: there are more states (") == 2
 

@@ -26,7 +26,7 @@ def write(path, text):
 
 
 @pytest.fixture(scope="module")
-def aborted(tmp_path_factory):
+def aborted_run(tmp_path_factory):
     """Run a mission that a property aborts; return the status, the run, the entries of its journal, and its report."""
     folder = tmp_path_factory.mktemp("aborted")
     properties = write(folder / "properties.yaml", NEVER_FOUND.format(done="abort"))
@@ -41,15 +41,15 @@ def aborted(tmp_path_factory):
         run.kill()
 
 
-def test_violated_property_is_reported_at_once_and_in_summary(aborted):
-    status, run, _, _ = aborted
+def test_violated_property_is_reported_at_once_and_in_summary(aborted_run):
+    status, run, _, _ = aborted_run
     assert status == 1
     assert VIOLATION in run.log
     assert "Monitored 1 property: 1 violated (nobody is found)." in run.output
 
 
-def test_journal_has_violating_event_and_its_history(aborted):
-    _, _, entries, _ = aborted
+def test_journal_has_violating_event_and_its_history(aborted_run):
+    _, _, entries, _ = aborted_run
     (watched,) = [each.data for each in entries if each.kind == "properties_watched"]
     assert watched["properties"] == [{"name": "nobody is found", "if_broken": "abort"}]
     (broken,) = [each for each in entries if each.kind == "property_broken"]
@@ -62,13 +62,13 @@ def test_journal_has_violating_event_and_its_history(aborted):
     assert [each[3] for each in broken.data["run"]].count("searching") == 1
 
 
-def test_report_has_alarm(aborted):
-    *_, report = aborted
+def test_report_has_alarm(aborted_run):
+    *_, report = aborted_run
     assert VIOLATION in [each["text"] for each in report["alarms"]]
 
 
-def test_command_of_violated_property_is_recorded_with_its_name(aborted):
-    _, _, entries, _ = aborted
+def test_command_of_violated_property_is_recorded_with_its_name(aborted_run):
+    _, _, entries, _ = aborted_run
     (command,) = [each.data for each in entries if each.kind == "command_given"]
     assert command["command"] == "abort"
     assert {(each.data["by"], each.data["reason"]) for each in entries if "by" in each.data} == {

@@ -297,40 +297,40 @@ def test_second_simulation_does_not_start(start, other):
 
 
 @pytest.fixture(scope="module")
-def unacknowledged():
+def unacknowledged_run():
     """Run with a first report that is never answered, and a second one that is rejected."""
     return run_to_end("--fault", "report_survivor:drop=1", "--fault", "report_survivor:refuse=1")
 
 
 @pytest.mark.costly
-def test_unanswered_report_leaves_mission_incomplete(unacknowledged):
-    run, status = unacknowledged
+def test_unanswered_report_leaves_mission_incomplete(unacknowledged_run):
+    run, status = unacknowledged_run
     assert status == 1
     assert "The base station did not acknowledge survivor_1 in zone_a" in run.output
 
 
-def test_rejected_report_leaves_mission_incomplete(unacknowledged):
-    run, status = unacknowledged
+def test_rejected_report_leaves_mission_incomplete(unacknowledged_run):
+    run, status = unacknowledged_run
     assert status == 1
     assert "The base station did not acknowledge survivor_2 in zone_c" in run.output
     assert "back at base:    yes" in run.output
 
 
 @pytest.fixture(scope="module")
-def delayed():
+def delayed_run():
     """Run with faults that only delay the mission."""
     faults = ("navigate_to_pose:reject=1", "detect_survivor:delay=3", "navigate_to_pose:die@zone_c,back=5")
     return run_to_end(*(word for fault in faults for word in ("--fault", fault)))
 
 
-def test_rejected_goal_is_retried(delayed):
-    run, status = delayed
+def test_rejected_goal_is_retried(delayed_run):
+    run, status = delayed_run
     assert status == 0, run.output
     assert "rejected" in run.output
 
 
-def test_slow_response_is_awaited(delayed):
-    run, status = delayed
+def test_slow_response_is_awaited(delayed_run):
+    run, status = delayed_run
     assert status == 0, run.output
 
 
@@ -342,8 +342,8 @@ def test_simulated_time_waits_for_slow_mission():
     assert not any("failed" in line for line in run.log), run.output
 
 
-def test_mission_succeeds_after_server_disappears_and_returns(delayed):
-    run, status = delayed
+def test_mission_succeeds_after_server_disappears_and_returns(delayed_run):
+    run, status = delayed_run
     assert status == 0, run.output
     assert "bt_navigator disappears" in run.output
 
