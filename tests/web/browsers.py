@@ -1,4 +1,4 @@
-"""Debian's chromium, driven by selenium; a test that needs it is skipped where there is none, with the reason."""
+"""Debian's chromium, driven by selenium; a test that needs it is skipped if it is not installed."""
 
 import base64
 import functools
@@ -11,7 +11,7 @@ import pytest
 
 from tests.waiting import SILENCE_SEC
 
-# How often it is looked whether something has come.
+# The period of checks while waiting.
 _LOOK_SEC = 0.02
 
 CHROMIUM, DRIVER = "chromium", "chromedriver"
@@ -19,7 +19,7 @@ CHROMIUM, DRIVER = "chromium", "chromedriver"
 
 @contextmanager
 def open_browser(*switches):
-    """Open a browser without a window, with further switches."""
+    """Open a headless browser with further command line switches."""
     chromium, driver = shutil.which(CHROMIUM), shutil.which(DRIVER)
     if not (chromium and driver):
         pytest.skip("there is no chromium with its driver here (apt install chromium chromium-driver)")
@@ -30,7 +30,7 @@ def open_browser(*switches):
     options.binary_location = chromium
     for argument in ("--headless=new", "--disable-gpu", "--disable-dev-shm-usage", *switches):
         options.add_argument(argument)
-    if os.geteuid() == 0:  # where its own fence cannot be set up
+    if os.geteuid() == 0:  # whose browser cannot set up its sandbox
         options.add_argument("--no-sandbox")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     opened = webdriver.Chrome(options=options, service=Service(driver))
@@ -41,14 +41,14 @@ def open_browser(*switches):
 
 
 class Browser:
-    """A page as people see it: what is written where, and what can be pressed."""
+    """The interface to a page for tests: its texts, clicks and keys."""
 
     def __init__(self, driver):
         self.driver = driver
         self._allowed: tuple[str, ...] = ()
 
     def forget(self):
-        """Leave the page that is open, with what was complained of."""
+        """Leave the open page, and clear the browser's log and settings."""
         self.driver.get("about:blank")
         self.driver.get_log("browser")
         self._allowed = ()
@@ -56,19 +56,19 @@ class Browser:
         self.touch(is_touched=False)
 
     def size(self, width, height, *, dark=False, media=""):
-        """Have a window of some size, in light or in dark, or what comes out of a printer."""
+        """Set the size of the window, light or dark mode, and the media type."""
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
         scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media, "features": scheme})
 
     def touch(self, *, is_touched):
-        """Have a screen that is touched, or a mouse."""
+        """Emulate a touch screen or a mouse."""
         self.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": is_touched})
 
     def open(self, url, within_sec=SILENCE_SEC):
-        """Open a page, and wait until it shows what the server had to say."""
-        # Where only what follows the # is another, this would be the same page.
+        """Open a page, and wait until it shows the state from the server."""
+        # Without about:blank, an address that differs only after the # would not be loaded.
         self.driver.get("about:blank")
         self.driver.get(url)
         is_told = functools.partial(self.js, "return document.body.classList.contains('ready')")
@@ -79,11 +79,11 @@ class Browser:
         return self.driver.execute_script(script, *arguments)
 
     def text(self, selector):
-        """Return what is written in an element; empty where there is none."""
+        """Return the text of an element, empty if there is none."""
         return self.js("return document.querySelector(arguments[0])?.textContent ?? ''", selector)
 
     def click(self, selector):
-        """Click an element; one that is drawn anew just then is looked for again."""
+        """Click an element; search it again if it is redrawn at that time."""
         self.wait(lambda: self._clicked(selector), f"a click on {selector}")
 
     def _clicked(self, selector):
@@ -96,7 +96,7 @@ class Browser:
         return True
 
     def pdf(self):
-        """Print the page, and return the file. A browser under load refuses that now and then, and is asked again."""
+        """Print the page, and return the file. Failures of a browser under load are retried."""
         from selenium.common.exceptions import WebDriverException
 
         printed = []
@@ -119,31 +119,31 @@ class Browser:
         self.driver.find_element("css selector", selector).send_keys(*keys)
 
     def rows(self):
-        """Return the rows of the tree that are in sight, as they are read to blind people."""
+        """Return the labels of the tree's visible rows for screen readers."""
         return self.js(
             "return [...document.querySelectorAll('#tree .row')].map((row) => row.getAttribute('aria-label'))"
         )
 
     def wait(self, wanted, what, within_sec=SILENCE_SEC):
-        """Wait until something is so; fail with what is on the page if it never is."""
+        """Wait until a condition holds; fail with the text of the page after a timeout."""
         end = time.monotonic() + within_sec
         while not wanted():
             assert time.monotonic() < end, (
                 f"{what} did not come:\n{self.text('body')}\n{self.driver.get_log('browser')}"
             )
-            # The browser is to get on with it, and not to be asked all the time.
+            # Constant requests would slow the browser down.
             time.sleep(_LOOK_SEC)
 
     def wait_for(self, selector, text, within_sec=SILENCE_SEC):
-        """Wait until a text is written in an element."""
+        """Wait until an element contains a text."""
         self.wait(lambda: text in self.text(selector), f"'{text}' in {selector}", within_sec)
         return self
 
     def allow(self, *complaints):
-        """Expect complaints with some text in them."""
+        """Allow browser errors that contain one of these texts."""
         self._allowed = complaints
 
     def require_no_complaint(self):
-        """Fail if the browser has complained of the page: an error of its scripts, something refused."""
+        """Fail if the browser has logged an error of the page, such as a script error or a refused request."""
         lines = [entry["message"] for entry in self.driver.get_log("browser")]
         assert [line for line in lines if not any(text in line for text in self._allowed)] == []

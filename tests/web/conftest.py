@@ -1,4 +1,4 @@
-"""Pages, servers and browsers for tests."""
+"""Fixtures with pages, servers and browsers."""
 
 import base64
 import http.client
@@ -62,7 +62,7 @@ POINTS = {"north": (-3.0, 3.0), "east": (3.5, 3.0)}
 
 
 class Patrol:
-    """A mission that nobody has heard of: points to go to, what is found there, a dock and a fence."""
+    """A mission that the page does not know: points to visit, detections, a dock and a fence."""
 
     def __init__(self):
         self.points = {name: Landmark("point", name, *place, "open") for name, place in POINTS.items()}
@@ -133,7 +133,7 @@ class Patrol:
 
 
 class Live:
-    """A run that a test is: a journal that nobody keeps, and its page."""
+    """A run driven by a test: a journal without a file, and its page."""
 
     def __init__(self, orders=None, verbs=(), port=0, tools=None, journal="", kinds=KINDS):
         self.journal = Journal()
@@ -157,7 +157,7 @@ class Live:
         self.journal.record_observation("status", node=node, tick=tick, status=status, message=message)
 
     def ask(self, path, method="GET", body=None, **headers):
-        """Return the status and the text of an answer, and its headers."""
+        """Send a request; return the status, text and headers of the response."""
         connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=SILENCE_SEC)
         with closing(connection):
             connection.request(
@@ -167,7 +167,7 @@ class Live:
             return answer.status, answer.read().decode(), answer.headers
 
     def order(self, verb, values, **headers):
-        """Give an order as the page does; return the status and what was answered."""
+        """Send a command like the page; return the status and the text of the response."""
         said = {
             "Authorization": f"Bearer {self.server.token}",
             "Content_Type": "application/json",
@@ -183,7 +183,7 @@ class Live:
 
 @pytest.fixture
 def live():
-    """Begin runs with a page each; they are ended after the test."""
+    """Return a function that starts a run with a page; its server is closed after the test."""
     running = []
 
     def run(**options):
@@ -197,14 +197,14 @@ def live():
 
 @pytest.fixture(scope="session")
 def shared_browser():
-    """A browser for all tests of the process."""
+    """Return a browser for all tests of the process."""
     with open_browser() as browser:
         yield browser
 
 
 @pytest.fixture
 def browser(shared_browser):
-    """A browser that shows nothing yet; what it complains of fails the test."""
+    """Return a browser with an empty page; errors in its log fail the test."""
     shared_browser.forget()
     yield shared_browser
     shared_browser.require_no_complaint()
@@ -212,7 +212,7 @@ def browser(shared_browser):
 
 @pytest.fixture
 def two(tmp_path):
-    """Serve the page of two robots, the second of which begins four seconds later."""
+    """Serve a replay of two robots, the second of which begins 4 s later."""
     places = []
     for number, name in enumerate(("robot1", "robot2")):
         places.append(tmp_path / f"{name}.journal")
@@ -233,7 +233,7 @@ def two(tmp_path):
 
 
 def patrol_report(tell):
-    """Return the report of a patrol of which the journal was told something."""
+    """Return the report of a patrol after `tell` has written to its journal."""
     entries: list[JournalEntry] = []
     journal = Journal()
     journal.clock = ManualClock(100.0)
@@ -245,5 +245,5 @@ def patrol_report(tell):
 
 
 def as_address(page):
-    """Return a page as an address."""
+    """Return a page as a data URL."""
     return f"data:text/html;base64,{base64.b64encode(page.encode()).decode()}"

@@ -1,6 +1,6 @@
-"""A run in a process of its own, as far as somebody looks at it: `python -m tests.web.flown SCENE JOURNAL`.
+"""Imitates a run in a separate process, with its journal and page: `python -m tests.web.flown SCENE JOURNAL`.
 
-It prints the address of its page, and goes on until it is killed. At each SIGUSR1 it prints the first line that `--view text` has on a terminal.
+It prints the address of its page, and continues until it is killed. At each SIGUSR1 it prints the first line of `--view text`.
 """
 
 import signal
@@ -28,7 +28,7 @@ PROGRESS = {"target": "east", "distance": 2.5, "time_left": 5.0}
 
 
 def drive(journal):
-    """Drive to the second point, 84 s after the beginning."""
+    """Drive to the second point, 84 s after the start."""
     journal.clock.advance(42.0)
     journal.record_event("point_reached", point="north")
     journal.clock.advance(42.0)
@@ -59,7 +59,7 @@ def finish(ending, status, reason, *facts):
         journal.record_observation(GOAL_ENDED, goal="a", status=6)
         for fact in facts:
             journal.record_event(fact)
-        if status == 0:  # which leaves nothing to do
+        if status == 0:  # so that no task is open
             journal.record_event("point_reached", point="east")
         journal.end_run(ending, status, reason)
 
@@ -75,11 +75,11 @@ SCENES = {
     "failed": finish(Ending.OVER, 1, "No point is left. east was not visited."),
     "aborted": finish(Ending.OVER, 1, "The patrol has ended where the robot stands.", "aborted"),
 }
-"""What happens in a run, by a name."""
+"""The functions that bring a run to a scene, by its name."""
 
 
 def fly(journal: Journal, scene: str) -> None:
-    """Let a run come to a scene, from its beginning on."""
+    """Start a run, and bring it to a scene."""
     journal.clock = ManualClock(100.0)
     journal.attach(Patrol(), KINDS)
     journal.begin(ABOUT, {"node": "/patrol"})
@@ -87,7 +87,7 @@ def fly(journal: Journal, scene: str) -> None:
 
 
 class Deaf:
-    """Heeds every order, and does nothing."""
+    """Accepts every command without an effect."""
 
     def send(self, *_):
         answer: Future[tuple[bool, str]] = Future()
@@ -96,8 +96,8 @@ class Deaf:
 
 
 def main(scene: str, place: str) -> None:
-    """Let a run come to a scene, with its page."""
-    # Before there are other threads, which leave it alone as well.
+    """Bring a run to a scene, and serve its page."""
+    # The signal is blocked before other threads start, so that they inherit the mask.
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
     journal = open_journal(Path(place))
     state = MissionState()
@@ -108,12 +108,12 @@ def main(scene: str, place: str) -> None:
     fly(journal, scene)
     server = PageServer(feed, 0, Deaf())
     server.start()
-    print(server.url, flush=True)  # noqa: T201 - whoever has begun it reads that
+    print(server.url, flush=True)  # noqa: T201 - the parent process reads it
     while True:
         if signal.sigtimedwait({signal.SIGUSR1}, 1.0) is not None:
             title, *_ = screen(state, state.now.time, 3)
             print(*(piece.text for piece in title), flush=True)  # noqa: T201 - as above
-        elif scene == "driving":  # of which a robot tells every second
+        elif scene == "driving":  # a driving robot reports its progress every second
             journal.record_observation("progress", **PROGRESS)
 
 

@@ -1,4 +1,4 @@
-"""What a page makes of changes, and histories as random as nobody flies."""
+"""The state that a page computes from changes, and random histories of runs."""
 
 import json
 import random
@@ -10,12 +10,12 @@ from tests.web.conftest import ABOUT, KINDS, POINTS, Patrol
 
 
 def plain(value):
-    """Return JSON values as a reader has them, to the microsecond."""
+    """Return values as after JSON, with numbers rounded to six decimals."""
     return json.loads(json.dumps(value), parse_float=lambda text: round(float(text), 6))
 
 
 def folded(known, change):
-    """Return what a page knows after a change, as `static/run.js` has it."""
+    """Return the state of a page after a change, as computed by `static/run.js`."""
     change = plain(change)
     known = {} if change.pop("begin", False) else dict(known)
     if "nodes" in change:
@@ -33,7 +33,7 @@ def folded(known, change):
 
 
 def happen(journal, chance, name):
-    """Let something happen in a run."""
+    """Record a random entry in a run."""
     x, point = float(chance.randrange(-9, 9)), chance.choice([*POINTS, "west"])
     status = chance.choice(["RUNNING", "SUCCESS", "FAILURE", "HALTED", "SKIPPED", "IDLE"])
     watched = {
@@ -86,7 +86,7 @@ def happen(journal, chance, name):
 
 
 def fly(journal, seed, count, *, clock=None, is_ended=True):
-    """Let a run go through so many random events."""
+    """Record a run with `count` random entries."""
     chance = random.Random(seed)  # noqa: S311
     journal.clock = clock or ManualClock(chance.uniform(0.0, 1000.0))
     if not journal.is_resumed:
@@ -100,7 +100,7 @@ def fly(journal, seed, count, *, clock=None, is_ended=True):
 
 
 def history(seed, count):
-    """Return the entries of two random runs, the second of which is another mission's in the same journal now and then."""
+    """Return the entries of two random runs; for every third seed, the second one is another mission in the same journal."""
     entries = []
     for run in (1, 2):
         journal = Journal()

@@ -1,4 +1,4 @@
-"""The operator's page in each condition of a search, and pictures of it: `python -m tests.web.staged FOLDER [CONDITION…]`."""
+"""The operator's page in each condition of a search, and screenshots: `python -m tests.web.staged FOLDER [CONDITION…]`."""
 
 import base64
 import struct
@@ -28,18 +28,18 @@ from tests.web.browsers import Browser, open_browser
 from tests.web.flown import Deaf
 
 WIDTHS = {360: 740, 768: 1024, 1280: 800, 2560: 1440}
-"""Heights of windows by their widths, pixels."""
+"""Heights of windows by width, pixels."""
 SETTLED = """
 const orders = document.getElementById('orders');
 return orders.hidden || Boolean(document.querySelector('.stop:enabled, .stop-all:enabled'));
 """
-"""Whether the buttons are those of the condition: they come with the first beat."""
+"""Whether the buttons are those of the condition, which they become with the first heartbeat."""
 NEAR_END = "const time = document.getElementById('time'); time.value = time.max - 5; time.dispatchEvent(new Event('input'))"
 ZONES = {"zone_a": (-3.0, 3.0), "zone_b": (3.5, 3.0), "zone_c": (4.0, -3.0)}
 
 
 def floor() -> str:
-    """Return the picture of a hall with a wall in it."""
+    """Return the image of a hall with a wall inside, as base64."""
     rows = [
         bytes(
             [
@@ -65,10 +65,10 @@ def floor() -> str:
 
 
 class Robot:
-    """A robot of a search that a test drives by hand."""
+    """A robot of a search whose events the test records."""
 
     def __init__(self, feed: LiveFeed, number: int, node: str, journal: Journal | None = None) -> None:
-        # The robots of a team search beside each other.
+        # The robots of a team have shifted zones.
         zones = [
             Zone(id=name, x=x - 1.6 * number, y=y - 0.9 * number, yaw=0.0) for name, (x, y) in ZONES.items()
         ]
@@ -82,7 +82,7 @@ class Robot:
         self.search.use_journal(self.journal)
 
     def begin(self) -> None:
-        """Begin the run, and drive to the second zone."""
+        """Start the run, search the first zone, and drive to the second one."""
         journal, record = self.journal, self.search.record
         journal.begin(
             {"mission": "search_and_rescue"},
@@ -111,12 +111,12 @@ class Robot:
         journal.record_observation("progress", target="zone_b", distance=2.7, time_left=4.0)
 
     def find(self) -> None:
-        """Find somebody in the second zone."""
+        """Detect a survivor in the second zone."""
         self.search.record.zone_searched("zone_b", (2.5, 2.0))
         self.search.record.survivor_named("survivor_1", 2.5, 2.0)
 
     def command(self, name: str) -> None:
-        """Give a command as an operator does."""
+        """Record a command of an operator."""
         with self.journal.ordered_by(CommandAuthor("Ann (page, 127.0.0.1)", "smoke")):
             self.search.orders.record(name)
 
@@ -127,12 +127,12 @@ class Robot:
         self.search.record.base_reached()
 
     def end(self, status: int, reason: str) -> None:
-        """End the run where its goals have ended."""
+        """End the goal and the run."""
         self.journal.record_observation(GOAL_ENDED, goal="ab" * 16, status=5)
         self.journal.end_run(Ending.OVER, status, reason)
 
     def finish(self, *left: str) -> None:
-        """Search the remaining zones, or abandon those that are left, and come home."""
+        """Search the remaining zones except `left`, which are abandoned; then come home and end the run."""
         while self.search.zones.has_remaining():
             zone = self.search.zones.current_zone()["id"]
             if zone in left:
@@ -245,7 +245,7 @@ CONDITIONS: dict[str, tuple[Callable[[Robot], object], str, str]] = {
         "robot3: Press the emergency stop on the robot: STOP on the page may not reach it",
     ),
 }
-"""What happens in a condition, the level of the page, and a task of a person."""
+"""The function that leads to each condition, the level of the page, and the text of a task."""
 
 
 @contextmanager
@@ -277,7 +277,7 @@ def staged(name: str) -> Iterator[PageServer]:
 
 
 def _recorded(path: Path) -> Iterator[PageServer]:
-    """Serve the replay of a search that has found somebody."""
+    """Serve the replay of a search with a detection."""
     journal = open_journal(path)
     robot = Robot(LiveFeed({}, dict), 0, "/search_and_rescue", journal)
     robot.begin()
@@ -294,7 +294,7 @@ def _recorded(path: Path) -> Iterator[PageServer]:
 
 
 def show(browser: Browser, server: PageServer, name: str, width: int) -> None:
-    """Open the page of a condition, in a replay near its end."""
+    """Open the page of a condition; a replay is shown near its end."""
     browser.size(width, WIDTHS[width])
     browser.open(server.url)
     if name == "replay":
@@ -304,7 +304,7 @@ def show(browser: Browser, server: PageServer, name: str, width: int) -> None:
 
 
 def main(folder: str, *wanted: str) -> None:
-    """Make a picture for each condition and width."""
+    """Make a screenshot for each condition and width."""
     place = Path(folder)
     place.mkdir(parents=True, exist_ok=True)
     with open_browser() as browser:

@@ -1,4 +1,4 @@
-"""Both pages and the report for everybody: what axe-core finds, keys instead of a mouse, and what a finger can hit."""
+"""Tests of the accessibility of both pages and the report: axe-core, keyboard navigation, and sizes of touch targets."""
 
 import json
 from importlib.resources import files
@@ -18,12 +18,12 @@ pytestmark = pytest.mark.unmeasured
 
 SIZES = [(width, dark) for width in (400, 800, 1600) for dark in (False, True)]
 PAGES = ["", "tree"]
-FINGER = 44
-"""The least height and width of what is touched, in pixels."""
+MIN_TARGET_SIZE = 44
+"""The minimum height and width of a touch target, in pixels."""
 
 
-def tell(journal, scene):
-    """Let a run come to a scene, with something of everything that a page can show."""
+def record_scene(journal, scene):
+    """Bring a run to a scene, with an example of everything that a page can show."""
     journal.record_observation("status", node=0, tick=1, status="RUNNING", message="")
     journal.record_observation("status", node=1, tick=1, status="RUNNING", message="3 m left")
     journal.record_event("found", name="find_1", x=-2.0, y=2.0)
@@ -38,15 +38,15 @@ def tell(journal, scene):
 
 
 @pytest.fixture
-def told(live):
-    """Begin a run that is at a scene; return it."""
+def start_scene(live):
+    """Return a function that starts a run and brings it to a scene."""
 
     def begin(scene):
         run = live(orders=Operator(), verbs=[_form(verb) for verb in VERBS], tools=Asked().tools)
         run.journal.clock = ManualClock(100.0)
         run.journal.add_listener(_FailureExplainer(run.feed).add_entry)
         run.begin()
-        tell(run.journal, scene)
+        record_scene(run.journal, scene)
         return run
 
     return begin
@@ -54,7 +54,7 @@ def told(live):
 
 @pytest.fixture(scope="module")
 def axe():
-    """The source of axe-core."""
+    """Return the source of axe-core."""
     package = pytest.importorskip("axe_core_python", reason="axe-core-python is not installed (extra dev)")
     return files(package).joinpath("axe.min.js").read_text("utf-8")
 
@@ -66,7 +66,7 @@ axe.run().then(({ violations }) => done(violations.flatMap(({ id, nodes }) => no
 
 
 def require_none(browser, axe, what):
-    """Fail with all that axe-core finds in a window of each size, in light and in dark."""
+    """Fail if axe-core finds violations in a window of any size, in light or dark mode."""
     browser.js(axe)
     found = {}
     for width, dark in SIZES:
@@ -77,7 +77,7 @@ def require_none(browser, axe, what):
 
 
 def open_all(browser):
-    """Unfold what can be unfolded."""
+    """Open all collapsed sections."""
     browser.js("for (const each of document.querySelectorAll('details')) each.open = true")
 
 
@@ -88,15 +88,15 @@ def address(run, page):
 
 @pytest.mark.parametrize("page", PAGES)
 @pytest.mark.parametrize("scene", ["driving", "paused", "failed"])
-def test_axe_finds_nothing_wrong_with_the_page(told, browser, axe, page, scene):
-    browser.open(address(told(scene), page))
+def test_page_has_no_axe_violations(start_scene, browser, axe, page, scene):
+    browser.open(address(start_scene(scene), page))
     open_all(browser)
     require_none(browser, axe, f"/{page} while it is {scene}")
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_axe_finds_nothing_wrong_with_a_question(told, browser, axe, page):
-    browser.open(address(told("driving"), page))
+def test_dialog_has_no_axe_violations(start_scene, browser, axe, page):
+    browser.open(address(start_scene("driving"), page))
     browser.wait(lambda: browser.js("return !document.querySelector('.stop').disabled"), "STOP")
     browser.click(".stop")
     assert browser.js("return document.getElementById('ask').open")
@@ -104,18 +104,18 @@ def test_axe_finds_nothing_wrong_with_a_question(told, browser, axe, page):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_axe_finds_nothing_wrong_with_a_replay_of_two_robots(two, browser, axe, page):
+def test_replay_of_two_robots_has_no_axe_violations(two, browser, axe, page):
     browser.open(f"{two.url}{page}")
     browser.wait(lambda: len(browser.js("return document.querySelectorAll('.card')")) == 2, "two cards")
     require_none(browser, axe, f"/{page} of two robots")
 
 
-def test_axe_finds_nothing_wrong_with_the_report(browser, axe):
-    browser.driver.get(as_address(patrol_report(lambda journal: tell(journal, "failed"))))
+def test_report_has_no_axe_violations(browser, axe):
+    browser.driver.get(as_address(patrol_report(lambda journal: record_scene(journal, "failed"))))
     require_none(browser, axe, "the report")
 
 
-SMALL = """
+SMALL_TARGETS = """
 const small = (each) => { const { width, height } = each.getBoundingClientRect(); return Math.min(width, height) < arguments[0]; };
 const area = (each) => each.matches('input[type=checkbox]') ? each.closest('label') : each;
 const all = [...document.querySelectorAll('button, a[href], input, select, summary')].filter((each) => each.checkVisibility());
@@ -124,8 +124,8 @@ return all.map(area).filter(small).map((each) => each.outerHTML);
 
 
 @pytest.fixture(params=[(400, False), (400, True), (1000, True), (1600, True)], ids=str)
-def touched(browser, request):
-    """A browser on a telephone, or on a larger screen that is touched."""
+def touch_browser(browser, request):
+    """Return a browser of the size of a phone or a larger one, with or without touch."""
     width, is_touched = request.param
     browser.touch(is_touched=is_touched)
     browser.size(width, 900)
@@ -133,43 +133,45 @@ def touched(browser, request):
     return browser
 
 
-def require_large(browser):
-    """Fail with all that a finger could miss, in each part of a page."""
+def require_large_targets(browser):
+    """Fail if a touch target in any view of a page is too small."""
     open_all(browser)
     for view in ("tree", "map", "log", "lanes"):
         browser.js("document.querySelector(`nav [data-view=${arguments[0]}]`)?.click()", view)
-        assert browser.js(SMALL, FINGER) == []
+        assert browser.js(SMALL_TARGETS, MIN_TARGET_SIZE) == []
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_a_finger_hits_what_is_meant(told, touched, page):
-    touched.open(address(told("failed"), page))
-    require_large(touched)
+def test_touch_targets_of_page_are_large_enough(start_scene, touch_browser, page):
+    touch_browser.open(address(start_scene("failed"), page))
+    require_large_targets(touch_browser)
 
 
-def test_a_finger_hits_the_answer_to_a_question(told, touched):
-    touched.open(address(told("driving"), ""))
-    touched.wait(lambda: touched.js("return !document.querySelector('.stop').disabled"), "STOP")
-    touched.click(".stop")
-    require_large(touched)
+def test_touch_targets_of_dialog_are_large_enough(start_scene, touch_browser):
+    touch_browser.open(address(start_scene("driving"), ""))
+    touch_browser.wait(lambda: touch_browser.js("return !document.querySelector('.stop').disabled"), "STOP")
+    touch_browser.click(".stop")
+    require_large_targets(touch_browser)
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_a_finger_hits_a_robot_and_a_moment_of_a_replay(two, touched, page):
-    touched.open(f"{two.url}{page}")
-    touched.wait(lambda: len(touched.js("return document.querySelectorAll('.card')")) == 2, "two cards")
-    require_large(touched)
+def test_touch_targets_of_replay_are_large_enough(two, touch_browser, page):
+    touch_browser.open(f"{two.url}{page}")
+    touch_browser.wait(
+        lambda: len(touch_browser.js("return document.querySelectorAll('.card')")) == 2, "two cards"
+    )
+    require_large_targets(touch_browser)
 
 
-REACHED = """
+FOCUSED = """
 const at = document.activeElement;
 return at === document.body ? '' : at.id || at.dataset.verb || at.className || at.textContent;
 """
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_everything_that_can_be_clicked_is_reached_by_tab(told, browser, page):
-    run = told("driving")
+def test_every_clickable_element_is_reachable_by_tab(start_scene, browser, page):
+    run = start_scene("driving")
     browser.open(address(run, page))
     browser.wait(lambda: browser.js("return !document.querySelector('.stop').disabled"), "STOP")
     wanted = browser.js(
@@ -178,7 +180,7 @@ def test_everything_that_can_be_clicked_is_reached_by_tab(told, browser, page):
     )
     browser.js("document.body.tabIndex = -1; document.body.focus()")
     reached: list[str] = []
-    while (at := tab(browser)) and len(reached) < 3 * wanted:
+    while (at := press_tab(browser)) and len(reached) < 3 * wanted:
         reached.append(at)
     focusable = browser.js(
         "return document.querySelectorAll('#map, #log, #tree, #lanes, #chosen, #places[tabindex]').length"
@@ -186,7 +188,7 @@ def test_everything_that_can_be_clicked_is_reached_by_tab(told, browser, page):
     assert wanted <= len(reached) <= wanted + focusable, reached
 
 
-def tab(browser):
-    """Press Tab; return what has the focus then, empty behind the last one."""
+def press_tab(browser):
+    """Press Tab; return the focused element, empty after the last one."""
     browser.driver.switch_to.active_element.send_keys(Keys.TAB)
-    return browser.js(REACHED)
+    return browser.js(FOCUSED)

@@ -1,4 +1,4 @@
-"""What is said of a mission in each condition, by who shows it: the table of `docs/operate/page.md`, row by row, in a real browser and by the commands."""
+"""Tests of the texts for each condition of a mission: every row of the table in `docs/operate/page.md`, in all views."""
 
 import re
 import signal
@@ -21,12 +21,12 @@ pytestmark = pytest.mark.unmeasured
 
 
 class Row(NamedTuple):
-    """How a run comes to a condition.
+    """The way to a condition.
 
     Attributes:
-        scenes: What happens, of `tests.web.flown`, one for each robot.
-        sent: The signal that its process gets after that.
-        seen: Where it is looked at: on its own page, in a replay, or by `sar-journal watch`.
+        scenes: The scenes of `tests.web.flown`, one for each robot.
+        sent: The signal that is sent to the process of the first robot afterwards.
+        seen: The view: its own page, a replay, or `sar-journal watch`.
     """
 
     scenes: tuple[str, ...]
@@ -52,7 +52,7 @@ ROWS = {
 
 
 def table():
-    """Return the table of the docs: by the first column, what stands in the others by their names."""
+    """Return the table of the docs: the cells by column name, by the first column."""
     text = (
         Path("docs/operate/page.md").read_text(encoding="utf-8").partition("\n### Texts of each state\n")[2]
     )
@@ -62,13 +62,13 @@ def table():
 
 
 def plain(text):
-    """Return what is said without the times and the marks of a cell: how long something took is not the same each time."""
+    """Return a text with all times as 0:00, because they vary, and without backticks."""
     return re.sub(r"\d+:\d\d\b", "0:00", text.replace("`", "")).strip()
 
 
 @pytest.fixture
 def start():
-    """Start commands; what is left of them ends with the test, also what is stopped."""
+    """Return a function that starts commands; they are killed after the test, also if they are suspended."""
     with ExitStack() as stack:
 
         def begin(*command):
@@ -93,8 +93,8 @@ def go_to_end(browser):
     )
 
 
-def look(row, journals, start, stack, browser):
-    """Bring runs to a condition, and open the page that shows them; return the runs."""
+def open_view(row, journals, start, stack, browser):
+    """Bring runs to a condition, and open their page; return the runs."""
     python = Path(sys.executable).name
     runs = [
         start(python, "-m", "tests.web.flown", scene, journal)
@@ -118,8 +118,8 @@ def look(row, journals, start, stack, browser):
     return runs
 
 
-def on_terminal(run):
-    """Return what a run says on its terminal, behind its name and its time; nothing if it cannot say anything any more."""
+def terminal_line(run):
+    """Return the text that a run prints on its terminal after its name and time."""
     before = run.output
     run.send(signal.SIGUSR1)
     said = lambda: run.output.removeprefix(before).strip()  # noqa: E731
@@ -127,62 +127,65 @@ def on_terminal(run):
     return said().split("  ")[2]
 
 
-def in_report(journal):
-    """Return what the report of a journal says at its top."""
+def report_outcome(journal):
+    """Return the outcome at the top of a journal's report."""
     page = journal.with_suffix(".html")
     assert main(["report", str(journal), "-o", str(page)]) == 0
     (said,) = re.findall(r'<p class="outcome[^>]*>([^<]*)</p>', page.read_text(encoding="utf-8"))
     return unescape(said)
 
 
-def in_show(capsys, journal):
-    """Return what `sar-journal show` says of a journal in its first line."""
+def show_outcome(capsys, journal):
+    """Return the state in the first line of `sar-journal show`."""
     capsys.readouterr()
     assert main(["show", str(journal)]) == 0
     return capsys.readouterr().out.splitlines()[0].removeprefix("patrol, ")
 
 
-def of_robots(said):
-    """Return what is said of one robot, or of several by their names."""
+def join_robots(said):
+    """Return the text about one robot, or the texts about several robots with their names."""
     first, *others = said
     if not others:
         return first
     return "; ".join(f"robot{number}: {each}" for number, each in enumerate([first, *others], 1))
 
 
-def say_all(read, journals, wanted):
-    """Return whether what is read of journals is what a cell has."""
-    return plain(of_robots(map(read, journals))) == plain(wanted)
+def all_match(read, journals, wanted):
+    """Return whether the texts that are read from journals equal a cell."""
+    return plain(join_robots(map(read, journals))) == plain(wanted)
 
 
-SAID = """
+STATE_TEXT = """
 const said = (place) => [...place.querySelectorAll('strong, time, span')].map((each) => each.textContent).filter(Boolean).join(' ');
 const cards = [...document.querySelectorAll('.card')].map((card) => `${card.firstChild.textContent}: ${said(card.querySelector('.state'))}`);
 return cards.length ? cards.join('; ') : said(document.getElementById('condition'));
 """
-MAY_ORDER = """
+COMMANDS_ENABLED = """
 return [...document.querySelectorAll('.stop, .toggle')].some((each) => !each.disabled && each.offsetParent !== null);
 """
 
 
 @pytest.mark.parametrize("name", ROWS)
-def test_everybody_says_what_the_table_says(name, start, browser, tmp_path, capsys):
+def test_all_views_show_documented_texts(name, start, browser, tmp_path, capsys):
     row, wanted = ROWS[name], table()[name]
     journals = [tmp_path / f"robot{number}.journal" for number, _ in enumerate(row.scenes, 1)]
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET")
     with ExitStack() as stack:
-        runs = look(row, journals, start, stack, browser)
+        runs = open_view(row, journals, start, stack, browser)
         said = plain(wanted["Page"])
-        browser.wait(lambda: plain(browser.js(SAID)) == said, f"{said!r}")
-        browser.wait(lambda: browser.js(MAY_ORDER) == (wanted["Commands"] == "yes"), "the orders")
+        browser.wait(lambda: plain(browser.js(STATE_TEXT)) == said, f"{said!r}")
+        browser.wait(lambda: browser.js(COMMANDS_ENABLED) == (wanted["Commands"] == "yes"), "the orders")
         is_silent = row.sent != 0
         assert browser.js("return document.body.classList.contains('stale')") == is_silent
         others = wanted["Terminal, report, `sar-journal show`"]
-        if row.sent == 0:  # who is frozen or dead says nothing itself
-            assert plain(of_robots(map(on_terminal, runs))) == plain(others)
-        for place, read in (("a report", in_report), ("`sar-journal show`", partial(in_show, capsys))):
-            browser.wait(partial(say_all, read, journals, others), f"{others} in {place}")
+        if row.sent == 0:  # a suspended or killed run prints nothing
+            assert plain(join_robots(map(terminal_line, runs))) == plain(others)
+        for place, read in (
+            ("a report", report_outcome),
+            ("`sar-journal show`", partial(show_outcome, capsys)),
+        ):
+            browser.wait(partial(all_match, read, journals, others), f"{others} in {place}")
 
 
-def test_every_row_of_the_table_is_tried():
+def test_every_row_of_table_is_tested():
     assert set(table()) == set(ROWS)

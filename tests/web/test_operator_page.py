@@ -1,4 +1,4 @@
-"""The operator's page in a browser: one state, orders apart, alarms until they are seen."""
+"""Tests of the operator's page in a browser: state, commands, alarms, map and log."""
 
 from concurrent.futures import Future
 from contextlib import closing
@@ -19,8 +19,8 @@ from tests.web.flown import VERBS, drive
 pytestmark = pytest.mark.unmeasured
 
 
-class Crew:
-    """Heeds every order, and remembers by whom it was given."""
+class RecordingOperator:
+    """Accepts every command, and stores its author, reason and displayed state."""
 
     def __init__(self):
         self.given = []
@@ -37,14 +37,14 @@ class Crew:
 
 
 @pytest.fixture
-def crew():
-    return Crew()
+def operator():
+    return RecordingOperator()
 
 
 @pytest.fixture
-def patrol(live, browser, crew):
-    """Open the operator's page of a patrol that has begun; nothing is remembered of other pages."""
-    run = live(orders=crew, verbs=VERBS)
+def patrol(live, browser, operator):
+    """Open the operator's page of a started patrol, with empty local storage."""
+    run = live(orders=operator, verbs=VERBS)
     run.journal.clock = ManualClock(100.0)
     run.begin({**ABOUT})
     browser.open(run.server.url)
@@ -54,9 +54,9 @@ def patrol(live, browser, crew):
     return run
 
 
-def test_stop_has_the_robot_stand_at_once_and_asks_whether_that_is_the_end(patrol, crew, browser):
+def test_stop_pauses_at_once_and_offers_abort(patrol, operator, browser):
     browser.click(".stop")
-    browser.wait(lambda: crew.given == [("pause", "")], "the pause")
+    browser.wait(lambda: operator.given == [("pause", "")], "the pause")
     browser.wait_for("#ask", "The robot has been told to stop.")
     assert "Sure?" not in browser.text("#ask")
     assert (browser.text("#ask .no"), browser.text("#ask .yes")) == ("Stay paused", "Abort…")
@@ -64,45 +64,43 @@ def test_stop_has_the_robot_stand_at_once_and_asks_whether_that_is_the_end(patro
     browser.wait_for("#ask", "The robot has been told to stop. The mission is paused.")
     browser.type("#ask .no", Keys.ENTER)
     browser.wait(lambda: not browser.js("return document.getElementById('ask').open"), "the end of it")
-    assert crew.given == [("pause", "")]
+    assert operator.given == [("pause", "")]
     browser.click(".stop")
     browser.click("#ask .yes")
     browser.wait_for("#ask", "Sure?")
     browser.click("#ask .yes")
-    browser.wait(lambda: ("abort", "") in crew.given, "the end of the mission")
+    browser.wait(lambda: ("abort", "") in operator.given, "the end of the mission")
 
 
-def test_one_button_pauses_and_resumes(patrol, crew, browser):
+def test_one_button_pauses_and_resumes(patrol, operator, browser):
     assert browser.text(".toggle") == "Pause"
     browser.click(".toggle")
-    browser.wait(lambda: crew.given == [("pause", "")], "the pause")
+    browser.wait(lambda: operator.given == [("pause", "")], "the pause")
     patrol.journal.record_event("held", is_held=True)
     browser.wait_for("#condition strong", "paused").wait_for(".toggle", "Resume")
     browser.click(".toggle")
-    browser.wait(lambda: crew.given[-1] == ("resume", ""), "the order to go on")
+    browser.wait(lambda: operator.given[-1] == ("resume", ""), "the order to go on")
 
 
-def test_who_gives_an_order_can_say_who_that_is(patrol, crew, browser):
+def test_operator_name_is_sent_with_command_and_remembered(patrol, operator, browser):
     browser.type("#by", "Ada ∀", Keys.TAB)
     browser.click(".toggle")
-    browser.wait(lambda: crew.given == [("pause", "Ada ∀")], "the pause")
+    browser.wait(lambda: operator.given == [("pause", "Ada ∀")], "the pause")
     browser.open(patrol.server.url)
     assert browser.js("return document.getElementById('by').value") == "Ada ∀"
 
 
-def test_an_order_has_the_reason_that_was_entered_beside_the_buttons_or_in_the_question(
-    patrol, crew, browser
-):
+def test_command_has_reason_entered_beside_buttons_or_in_dialog(patrol, operator, browser):
     browser.type("#reason", "smoke ∀", Keys.TAB)
     browser.click(".toggle")
-    browser.wait(lambda: crew.reasons == ["smoke ∀"], "the pause")
+    browser.wait(lambda: operator.reasons == ["smoke ∀"], "the pause")
     assert browser.js("return document.getElementById('reason').value") == ""
     browser.click(".stop")
     browser.click("#ask .yes")
     browser.wait_for("#ask", "Sure?")
     browser.type("#ask input[name=reason]", "the lift is stuck")
     browser.click("#ask .yes")
-    browser.wait(lambda: crew.reasons[-1] == "the lift is stuck", "the end of the mission")
+    browser.wait(lambda: operator.reasons[-1] == "the lift is stuck", "the end of the mission")
 
 
 SKIP = {**VERBS[0], "name": "skip", "label": "Skip point", "confirm": "Sure?", "role": "", "named": "Skip {}"}
@@ -126,9 +124,9 @@ REVIEW = {
 
 
 @pytest.fixture
-def skipping(live, browser, crew):
-    """Open the page of a patrol that can skip its next point, and review what it has found."""
-    run = live(orders=crew, verbs=[*VERBS, SKIP, REVIEW])
+def skip_patrol(live, browser, operator):
+    """Open the page of a patrol that can skip its next point and review its detections."""
+    run = live(orders=operator, verbs=[*VERBS, SKIP, REVIEW])
     run.journal.clock = ManualClock(100.0)
     run.begin({**ABOUT})
     run.journal.record_event("found", name="find_1", x=-2.0, y=2.25)
@@ -138,40 +136,38 @@ def skipping(live, browser, crew):
     return run
 
 
-def test_a_command_names_its_object_and_carries_what_the_operator_saw(skipping, crew, browser):
+def test_command_names_its_object_and_carries_displayed_state(skip_patrol, operator, browser):
     browser.click("[data-verb=skip]")
     assert (browser.text("#ask h2"), browser.text("#ask .yes")) == ("Skip north", "Skip north")
     browser.click("#ask .yes")
-    browser.wait(lambda: crew.given == [("skip", "")], "the command")
-    (seen,) = crew.seen
+    browser.wait(lambda: operator.given == [("skip", "")], "the command")
+    (seen,) = operator.seen
     assert seen["object"] == "north"
     assert seen["run"].startswith("run 1 (process ")
 
 
-def test_a_question_whose_object_has_changed_can_only_be_left(skipping, crew, browser):
+def test_dialog_whose_object_has_changed_can_only_be_canceled(skip_patrol, operator, browser):
     browser.click("[data-verb=skip]")
-    skipping.journal.record_event("next_point", point="east")
+    skip_patrol.journal.record_event("next_point", point="east")
     browser.wait_for("#ask .expired", "The state has changed since this question was opened.")
     assert not browser.driver.find_element("css selector", "#ask .yes").is_enabled()
     assert browser.text("#ask .yes") == "Skip north"
     browser.click("#ask .no")
     browser.wait_for("[data-verb=skip]", "Skip east")
-    assert crew.given == []
+    assert operator.given == []
 
 
-def test_a_review_carries_the_state_of_the_detection_that_was_open_and_nothing_is_preselected(
-    skipping, crew, browser
-):
+def test_review_carries_displayed_state_and_preselects_nothing(skip_patrol, operator, browser):
     browser.click("[data-verb=review]")
     chosen = "return [...document.querySelectorAll('#ask select')].map((each) => each.value)"
     assert browser.js(chosen) == ["", ""]
     browser.js("document.querySelector('#ask select[name=find]').value = 'find_1'")
     browser.js("document.querySelector('#ask select[name=verdict]').value = 'YES'")
-    skipping.journal.record_event("found", name="find_1", x=3.0, y=2.25)
+    skip_patrol.journal.record_event("found", name="find_1", x=3.0, y=2.25)
     browser.wait_for("#places", "x 3.00, y 2.25")
     browser.click("#ask .yes")
-    browser.wait(lambda: crew.given == [("review", "")], "the command")
-    assert crew.seen[0]["find/find_1"] == "seen at (-2.00, 2.25)"
+    browser.wait(lambda: operator.given == [("review", "")], "the command")
+    assert operator.seen[0]["find/find_1"] == "seen at (-2.00, 2.25)"
 
 
 COVERED = """
@@ -180,18 +176,18 @@ return ask.left < map.right && ask.right > map.left && ask.top < map.bottom && a
 """
 
 
-def test_no_question_covers_the_map(skipping, browser):
+def test_dialog_does_not_cover_map(skip_patrol, browser):
     browser.click("[data-verb=skip]")
     assert not browser.js(COVERED)
 
 
-def test_a_run_that_has_ended_takes_no_orders_any_more(patrol, browser):
+def test_ended_run_hides_commands(patrol, browser):
     patrol.journal.end_run(Ending.OVER, 0)
     browser.wait_for("#condition strong", "complete")
     browser.wait(lambda: browser.js("return document.getElementById('orders').hidden"), "the end of orders")
 
 
-def test_the_report_of_a_run_can_be_read_once_that_has_ended(live, browser):
+def test_report_is_available_after_end_of_run(live, browser):
     report = "<!DOCTYPE html><style>p { color: rgb(1, 2, 3) }</style><p>robot 0</p>"
     run = live(tools={"report": PageQuery(lambda _: report), "entries": PageQuery(lambda _: [])})
     run.begin()
@@ -204,7 +200,7 @@ def test_the_report_of_a_run_can_be_read_once_that_has_ended(live, browser):
     assert (browser.text("p"), browser.js(style)) == ("robot 0", "rgb(1, 2, 3)")
 
 
-def test_who_watches_journals_reads_reports_at_any_time(live, browser):
+def test_watch_page_always_offers_report(live, browser):
     run = live(tools={"report": PageQuery(lambda _: "")})
     run.begin()
     browser.open(run.server.url)
@@ -212,9 +208,7 @@ def test_who_watches_journals_reads_reports_at_any_time(live, browser):
     assert not browser.js("return document.getElementById('report').hidden")
 
 
-def test_what_a_person_has_to_do_stands_below_the_state_with_its_command_and_colours_it(
-    patrol, crew, browser
-):
+def test_tasks_are_shown_below_state_with_command_and_set_its_level(patrol, operator, browser):
     browser.wait_for("#tasks", "Nothing to do")
     assert browser.js("return document.body.dataset.level") == "good"
     patrol.journal.record_event("point_reached", point="north", level="GIVEN_UP")
@@ -224,15 +218,15 @@ def test_what_a_person_has_to_do_stands_below_the_state_with_its_command_and_col
     patrol.journal.record_event("held", is_held=True)
     browser.wait_for("#tasks button", "Resume")
     browser.click("#tasks button")
-    browser.wait(lambda: crew.given == [("resume", "")], "the order to resume")
+    browser.wait(lambda: operator.given == [("resume", "")], "the order to resume")
 
 
 def alarms(browser):
-    """Return the alarms that are shown, the one that is not seen yet with its button."""
+    """Return the texts of the shown alarms; an alarm that is not acknowledged ends with its button."""
     return browser.js("return [...document.querySelectorAll('#alarms li')].map((each) => each.textContent)")
 
 
-def test_an_alarm_stays_until_somebody_has_seen_it(patrol, browser):
+def test_alarm_stays_until_it_is_acknowledged(patrol, browser):
     patrol.journal.record_event("alarmed", text="no water")
     browser.wait(lambda: alarms(browser) == ["■no waterat 0:00Seen"], "the alarm")
     patrol.journal.record_event("alarmed", text="no water", is_over=True)
@@ -243,7 +237,7 @@ def test_an_alarm_stays_until_somebody_has_seen_it(patrol, browser):
     assert alarms(browser) == []
 
 
-def test_an_alarm_that_was_seen_is_there_as_long_as_its_reason(patrol, browser):
+def test_acknowledged_alarm_stays_while_it_is_active(patrol, browser):
     patrol.journal.record_event("alarmed", text="no water")
     browser.wait(lambda: alarms(browser) == ["■no waterat 0:00Seen"], "the alarm")
     browser.click("#alarms button")
@@ -253,11 +247,11 @@ def test_an_alarm_that_was_seen_is_there_as_long_as_its_reason(patrol, browser):
 FIGURES = "return Object.fromEntries([...document.querySelectorAll('.figures div')].map((each) => [each.firstChild.textContent, each.lastChild.textContent]))"
 
 
-def test_how_long_it_takes_is_said_by_what_is_done(patrol, browser):
+def test_remaining_time_is_estimated_from_completed_drives(patrol, browser):
     assert "about" not in browser.js(FIGURES)["to go"]
     drive(patrol.journal)
     browser.wait_for("#drive", "2.5 m, about 0:05")
-    # What is left of this drive, and the mean of what is done for the way to the dock.
+    # The rest of this drive, and the mean of the earlier drives for the path to the dock.
     browser.wait(lambda: browser.js(FIGURES)["to go"] == "about 0:47", "the estimate")
     assert browser.js(FIGURES)["time"] == "1:24"
     assert browser.js(FIGURES)["points visited"] == "1 of 2"
@@ -269,7 +263,7 @@ return ((line.left + line.right) / 2 - bar.left) / bar.width;
 """
 
 
-def test_a_gauge_has_a_bar_with_its_limit_and_the_legend_says_how_old_a_place_is(patrol, browser):
+def test_gauge_shows_limit_and_legend_shows_age_of_position(patrol, browser):
     assert browser.js("return document.querySelector('#gauges meter').value") == 90
     assert browser.text("#gauges span") == "battery, low below 20 %"
     assert browser.js(LIMIT) == pytest.approx(0.2, abs=0.02)
@@ -279,30 +273,30 @@ def test_a_gauge_has_a_bar_with_its_limit_and_the_legend_says_how_old_a_place_is
     browser.wait_for("#legend table", "robot1:05 ago")
 
 
-def cells_of(browser):
-    """Return of each path of coloured cells how it is filled, and how many cells its runs have."""
+def read_cells(browser):
+    """Return the opacity and the lengths of the cell runs of each path of coloured cells."""
     return browser.js(
         """return [...document.querySelectorAll('#map g.cells path')].map(
             (each) => [each.getAttribute('fill-opacity'), each.getAttribute('d').match(/h(?=\\d)\\d+/g).map((run) => Number(run.slice(1)))])"""
     )
 
 
-def test_a_layer_is_coloured_cell_by_cell_and_the_legend_says_what_it_means(patrol, browser):
+def test_raster_layer_is_drawn_by_cells_and_explained_in_legend(patrol, browser):
     patrol.journal.record_event("mown", name="lawn", rows=[[0.0, 0.55, 0.55], [1.0, 1.0, 0.0]])
-    browser.wait(lambda: len(cells_of(browser)) == 2, "the cells")
-    assert cells_of(browser) == [["0.51", [2]], ["0.75", [2]]]
+    browser.wait(lambda: len(read_cells(browser)) == 2, "the cells")
+    assert read_cells(browser) == [["0.51", [2]], ["0.75", [2]]]
     box = "return document.querySelector('#map g.cells').getBBox()"
     assert browser.js(f"{box}.width") == 3
     assert browser.js(f"{box}.height") == 2
     patrol.journal.record_event("mown", name="lawn", rows=[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
-    browser.wait(lambda: cells_of(browser) == [["0.75", [3, 3]]], "the later cells")
+    browser.wait(lambda: read_cells(browser) == [["0.75", [3, 3]]], "the later cells")
     browser.open(patrol.server.url)
-    assert cells_of(browser) == [["0.75", [3, 3]]]
+    assert read_cells(browser) == [["0.75", [3, 3]]]
     legend = browser.text("#legend table")
     assert all(f"mown to {percent} %" in legend for percent in (20, 50, 100))
 
 
-def test_an_outline_is_shaded_and_the_legend_has_the_number_of_the_strongest(patrol, browser):
+def test_outline_is_shaded_and_legend_shows_scale(patrol, browser):
     assert browser.js("return document.querySelector('#map .shade')") is None
     patrol.journal.record_event("forecast", rain=0.45)
     browser.wait(lambda: browser.js("return document.querySelectorAll('#map .shade').length") == 1, "a shade")
@@ -313,7 +307,7 @@ def test_an_outline_is_shaded_and_the_legend_has_the_number_of_the_strongest(pat
     assert "chance of rain 15.0 %" in legend
 
 
-def test_places_have_their_state_and_what_was_found_its_coordinates(patrol, browser):
+def test_locations_show_state_and_detections_show_coordinates(patrol, browser):
     patrol.journal.record_event("found", name="find_1", x=-2.0, y=2.25)
     patrol.journal.record_event(
         "point_reached", point="north", level="GIVEN_UP", state="given up", reason="no way"
@@ -322,27 +316,27 @@ def test_places_have_their_state_and_what_was_found_its_coordinates(patrol, brow
     browser.wait_for("#places", "find_1 seenx -2.00, y 2.25 · in north · found at 0:00")
 
 
-MARKED = "return [...document.querySelectorAll('.looked-at')].map((each) => each.closest('#map, #places, #log').id).sort()"
+HIGHLIGHTED = "return [...document.querySelectorAll('.looked-at')].map((each) => each.closest('#map, #places, #log').id).sort()"
 
 
-def test_a_name_in_a_line_of_the_log_shows_its_place_everywhere(patrol, browser):
+def test_name_in_log_highlights_its_location_everywhere(patrol, browser):
     patrol.journal.record_event("point_reached", point="north")
     browser.wait_for("#log .link", "north")
     browser.click("#log .link")
-    assert browser.js(MARKED) == ["log", "map", "places"]
+    assert browser.js(HIGHLIGHTED) == ["log", "map", "places"]
     assert browser.text("#places .looked-at").startswith("✓north visited")
 
 
-def test_a_mark_on_the_map_shows_its_row_and_its_lines(patrol, browser):
+def test_mark_on_map_highlights_its_row_and_log_lines(patrol, browser):
     patrol.journal.record_event("point_reached", point="north")
     browser.wait_for("#log .link", "north")
     browser.js(
         "document.querySelector('#map .mark.done').dispatchEvent(new MouseEvent('click', { bubbles: true }))"
     )
-    assert browser.js(MARKED) == ["log", "places"]
+    assert browser.js(HIGHLIGHTED) == ["log", "places"]
 
 
-def test_each_name_in_a_task_and_in_an_alarm_leads_to_its_place(patrol, browser):
+def test_names_in_tasks_and_alarms_are_links(patrol, browser):
     patrol.journal.record_event("point_reached", point="north", level="GIVEN_UP")
     patrol.journal.record_event("point_reached", point="east", level="GIVEN_UP", state="visited")
     patrol.journal.record_event("alarmed", text="no water at east")
@@ -351,7 +345,7 @@ def test_each_name_in_a_task_and_in_an_alarm_leads_to_its_place(patrol, browser)
     browser.wait(lambda: browser.js(names, "#alarms") == ["east"], "the name in the alarm")
 
 
-def test_the_mission_is_a_line_with_what_was_reached_and_what_came_last(patrol, browser):
+def test_timeline_shows_events_and_latest_one(patrol, browser):
     patrol.journal.clock.advance(30.0)
     patrol.journal.record_event("point_reached", point="north")
     patrol.journal.clock.advance(30.0)
@@ -364,22 +358,22 @@ def test_the_mission_is_a_line_with_what_was_reached_and_what_came_last(patrol, 
     assert second == pytest.approx(2 * first, abs=0.1)
 
 
-def test_a_detection_is_reviewed_by_the_buttons_of_its_row(live, crew, browser):
+def test_detection_is_reviewed_by_buttons_of_its_row(live, operator, browser):
     kinds = [kind._replace(review="review") if kind.is_found else kind for kind in KINDS]
-    run = live(orders=crew, verbs=[*VERBS, REVIEW], kinds=kinds).begin()
+    run = live(orders=operator, verbs=[*VERBS, REVIEW], kinds=kinds).begin()
     run.journal.record_event("found", name="find_1", x=-2.0, y=2.25)
     browser.open(run.server.url)
     browser.wait_for("#places .verdicts button", "a find")
     browser.click("#places .verdicts button")
     chosen = "return [...document.querySelectorAll('#ask select')].map((each) => each.value)"
     assert browser.js(chosen) == ["find_1", "YES"]
-    assert crew.given == []
+    assert operator.given == []
     browser.click("#ask .yes")
-    browser.wait(lambda: crew.given == [("review", "")], "the review")
-    assert crew.seen[0]["find/find_1"] == "seen at (-2.00, 2.25)"
+    browser.wait(lambda: operator.given == [("review", "")], "the review")
+    assert operator.seen[0]["find/find_1"] == "seen at (-2.00, 2.25)"
 
 
-def test_before_the_start_the_page_lists_what_is_awaited_in_the_operator_s_words(live, browser):
+def test_page_lists_awaited_items_before_start_in_operator_terms(live, browser):
     run = live()
     run.feed.set_awaited(
         [AwaitedItem("navigation", "bt_navigator is inactive"), AwaitedItem("detect survivor")]
@@ -394,7 +388,7 @@ def test_before_the_start_the_page_lists_what_is_awaited_in_the_operator_s_words
     assert browser.js(items) == []
 
 
-def test_after_an_interruption_the_page_has_the_command_that_resumes(live, browser):
+def test_page_shows_resume_command_after_interruption(live, browser):
     run = live(journal="/robot/patrol.journal")
     run.journal.begin(ABOUT, {"node": "/patrol", "command": ["patrol", "--view", "web"]})
     browser.open(run.server.url)
@@ -403,7 +397,7 @@ def test_after_an_interruption_the_page_has_the_command_that_resumes(live, brows
     browser.wait_for("#ending code", "sar-run --resume --journal /robot/patrol.journal patrol --view web")
 
 
-def test_a_mission_that_is_over_offers_its_report_and_no_resumption(live, browser):
+def test_finished_mission_offers_report_and_no_resume_command(live, browser):
     run = live(
         tools={"report": PageQuery(lambda _: ""), "entries": PageQuery(lambda _: [])}, journal="/a.journal"
     )
@@ -415,7 +409,7 @@ def test_a_mission_that_is_over_offers_its_report_and_no_resumption(live, browse
     assert browser.text("#ending code") == ""
 
 
-def test_events_are_facts_until_every_line_is_asked_for(patrol, browser):
+def test_log_shows_only_events_until_all_lines_are_requested(patrol, browser):
     patrol.journal.record_observation("log", node="patrol", level=20, text="a line")
     patrol.journal.record_observation("log", node="patrol", level=30, text="a warning")
     patrol.journal.record_event("point_reached", point="north")
@@ -427,7 +421,7 @@ def test_events_are_facts_until_every_line_is_asked_for(patrol, browser):
 
 
 class Team:
-    """Two robots on one page, which heed every order; each order is remembered with its robot."""
+    """Two robots on one page; the first accepts every command, and each command is stored with its robot."""
 
     def __init__(self):
         self.given = []
@@ -461,7 +455,7 @@ def team():
         yield made
 
 
-ALL = ".stop-all"
+STOP_ALL = ".stop-all"
 
 
 def open_team(browser, team):
@@ -469,10 +463,10 @@ def open_team(browser, team):
     browser.wait(lambda: browser.js("return document.querySelector('.stop-all').disabled === false"), "STOP")
 
 
-def test_one_stop_has_all_robots_stand_and_asks_whether_that_is_the_end_of_all(team, browser):
+def test_stop_all_pauses_all_robots_and_offers_abort(team, browser):
     open_team(browser, team)
     assert browser.text(".stop") == "STOP robot1"
-    browser.click(ALL)
+    browser.click(STOP_ALL)
     browser.wait(lambda: sorted(team.given) == [("pause", 0), ("pause", 1)], "both pauses")
     browser.wait_for("#ask", "robot1 has been told to stop.")
     browser.wait_for(
@@ -481,33 +475,33 @@ def test_one_stop_has_all_robots_stand_and_asks_whether_that_is_the_end_of_all(t
     browser.click("#ask .no")
     browser.wait_for("#answer", "robot1: Pause: done; robot2: Pause: refused: not now")
     assert len(team.given) == 2
-    browser.click(ALL)
+    browser.click(STOP_ALL)
     browser.click("#ask .yes")
     browser.wait_for("#ask h2", "Abort: robot1, robot2")
     browser.click("#ask .yes")
     browser.wait(lambda: {("abort", 0), ("abort", 1)} <= {*team.given}, "the end of both missions")
 
 
-def test_what_stops_all_passes_over_who_stands_or_has_ended(team, browser):
+def test_stop_all_skips_paused_and_ended_robots(team, browser):
     team.journals[0].record_event("held", is_held=True)
     open_team(browser, team)
     browser.wait_for("#condition strong", "paused")
-    browser.click(ALL)
+    browser.click(STOP_ALL)
     browser.wait(lambda: team.given == [("pause", 1)], "the pause of robot2")
     browser.click("#ask .no")
     team.journals[0].end_run(Ending.STOPPED, 130)
     browser.wait_for("#condition strong", "stopped")
-    browser.click(ALL)
+    browser.click(STOP_ALL)
     browser.click("#ask .yes")
     browser.wait_for("#ask", "Sure?")
     browser.click("#ask .yes")
     browser.wait(lambda: team.given == [("pause", 1), ("pause", 1), ("abort", 1)], "the end of robot2")
 
 
-ENABLED = "return [...document.querySelectorAll('#orders button:not(#ask button)')].filter((each) => !each.disabled && !each.hidden).map((each) => each.textContent)"
+ENABLED_BUTTONS = "return [...document.querySelectorAll('#orders button:not(#ask button)')].filter((each) => !each.disabled && !each.hidden).map((each) => each.textContent)"
 
 
-def test_a_crashed_robot_has_no_commands_and_looks_so_in_its_card_and_on_the_map(team, browser):
+def test_crashed_robot_has_no_commands_and_is_marked_on_card_and_map(team, browser):
     for journal in team.journals:
         drive(journal)
     open_team(browser, team)
@@ -516,34 +510,34 @@ def test_a_crashed_robot_has_no_commands_and_looks_so_in_its_card_and_on_the_map
     browser.wait_for("#robots button", "crashed")
     assert "2.5 m" not in browser.text("#robots button")
     assert browser.text("#drive") == "last seen 2.2 m from dock"
-    browser.wait(lambda: browser.js(ENABLED) == ["STOP ALL"], "no commands to robot1")
+    browser.wait(lambda: browser.js(ENABLED_BUTTONS) == ["STOP ALL"], "no commands to robot1")
     assert browser.js("return document.querySelectorAll('#robots .stale, #map .robot.stale').length") == 2
-    browser.click(ALL)
+    browser.click(STOP_ALL)
     browser.wait_for("#ask", "robot1 cannot be told to stop. Press the emergency stop on the robot.")
     assert team.given == [("pause", 1)]
 
 
-def test_a_lost_robot_can_only_be_stopped(team, browser):
+def test_lost_robot_can_only_be_stopped_or_paused(team, browser):
     drive(team.journals[0])
     open_team(browser, team)
     team.feed.set_process(RunProcess(silent_sec=30.0), 0)
     browser.wait_for("#condition strong", "lost")
-    assert browser.js(ENABLED) == ["STOP ALL", "STOP robot1", "Pause"]
+    assert browser.js(ENABLED_BUTTONS) == ["STOP ALL", "STOP robot1", "Pause"]
 
 
-def test_without_anybody_who_heeds_it_there_is_nothing_to_stop(team, browser):
+def test_commands_are_hidden_after_all_runs_have_ended(team, browser):
     open_team(browser, team)
     for journal in team.journals:
         journal.end_run(Ending.OVER, 0)
     browser.wait(lambda: browser.js("return document.getElementById('orders').hidden"), "the end of orders")
 
 
-def test_one_robot_has_one_stop(patrol, browser):
+def test_page_of_one_robot_has_one_stop_button(patrol, browser):
     assert browser.text(".stop") == "STOP"
     assert browser.js("return document.querySelector('.stop-all').hidden")
 
 
-def test_that_a_tree_takes_no_orders_is_said_once_that_is_known(team, browser):
+def test_tree_without_commands_is_reported_once_known(team, browser):
     team.heeded = []
     browser.open(team.server.url)
     browser.wait_for("#orders .to", "Commands to robot1")
@@ -552,7 +546,7 @@ def test_that_a_tree_takes_no_orders_is_said_once_that_is_known(team, browser):
     browser.wait_for("#answer", "This tree accepts no commands.")
 
 
-def test_each_property_has_a_card_with_what_is_known_of_it(patrol, browser):
+def test_each_property_has_a_card_with_its_state(patrol, browser):
     assert not browser.driver.find_element("id", "properties").is_displayed()
     patrol.journal.record_observation(
         "properties_watched", properties=[{"name": each, "if_broken": "hold"} for each in "abc"]
@@ -573,7 +567,7 @@ def test_each_property_has_a_card_with_what_is_known_of_it(patrol, browser):
     browser.wait_for("#alarms", "Property violated: c")
 
 
-def test_a_run_that_contradicts_what_proofs_assume_says_since_when_on_the_cards(patrol, browser):
+def test_failed_assumption_is_shown_on_property_cards_with_time(patrol, browser):
     patrol.journal.record_observation("properties_watched", properties=[{"name": "a", "if_broken": "tell"}])
     browser.wait_for("#properties li", "monitored")
     assert not browser.text("#properties p")

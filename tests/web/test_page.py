@@ -1,4 +1,4 @@
-"""The page in a browser: what it shows of a run, live and again, by mouse and by keyboard."""
+"""Tests of the engineer's page in a browser: a live run and a replay, by mouse and by keyboard."""
 
 import json
 import random
@@ -30,25 +30,25 @@ PAUSE = {"name": "pause", "label": "Pause", "help": "Stops it.", "confirm": "", 
 SKIP = {**PAUSE, "name": "pause", "label": "Skip", "confirm": "Nobody goes there."}
 
 
-def tree_of(server):
+def engineer_url(server):
     """Return the address of the engineer's page."""
     address, _, token = server.url.partition("#")
     return f"{address}tree#{token}"
 
 
-def order_button(browser):
-    """Return the button of the order, once it can be pressed."""
+def command_button(browser):
+    """Return the button of the command once it is enabled."""
     button = "[data-verb=pause]:enabled"
     browser.wait(lambda: browser.js("return !!document.querySelector(arguments[0])", button), "the button")
     return browser.driver.find_element("css selector", button)
 
 
-def test_a_browser_that_comes_late_sees_the_truth(live, browser):
+def test_late_browser_shows_current_state(live, browser):
     run = live().begin()
     run.status(0, "RUNNING")
     run.status(1, "RUNNING", "3 m left")
     run.journal.record_event("point_reached", point="north")
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     assert browser.rows() == [
         "Mission, Sequence, RUNNING",
         "Drive, Drive, RUNNING, 3 m left",
@@ -65,21 +65,21 @@ def test_a_browser_that_comes_late_sees_the_truth(live, browser):
     browser.wait_for("#now", "2 m left")
 
 
-def test_a_reload_shows_the_same_again(live, browser):
+def test_reload_shows_same_rows(live, browser):
     run = live().begin()
     run.status(0, "RUNNING")
     run.status(1, "FAILURE", "no way there")
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     before = browser.rows()
     assert before[1] == "Drive, Drive, FAILURE, no way there"
     browser.driver.refresh()
     browser.wait(lambda: browser.rows() == before, "the same rows")
 
 
-def test_a_run_that_takes_the_place_of_another_is_shown_by_itself(live, browser):
+def test_replacement_run_is_shown_automatically(live, browser):
     run = live(port=free_port()).begin()
     run.status(1, "FAILURE", "no way there")
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.wait_for("#condition", "working")
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
     run.close()
@@ -91,10 +91,10 @@ def test_a_run_that_takes_the_place_of_another_is_shown_by_itself(live, browser)
     assert browser.rows()[1] == "Drive, Drive, SUCCESS"
 
 
-def test_the_end_of_a_run_stays_on_the_page(live, browser):
+def test_end_of_run_stays_on_page_after_server_closes(live, browser):
     run = live().begin()
     run.status(0, "FAILURE", "")
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
     run.journal.record_event("alarmed", text="a find at an unusable position")
     run.journal.end_run(Ending.OVER, 1, "No point is left. north was not visited.")
@@ -104,11 +104,11 @@ def test_the_end_of_a_run_stays_on_the_page(live, browser):
     assert "a find at an unusable position" in browser.text("#progress")
 
 
-def test_the_page_of_a_failed_run_opens_at_the_cause_which_stays(live, browser):
+def test_page_of_failed_run_shows_cause_and_keeps_later_selection(live, browser):
     run = live()
     run.journal.add_listener(_FailureExplainer(run.feed).add_entry)
     run.begin()
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     assert not browser.driver.find_element("id", "why").is_displayed()
     run.status(1, "FAILURE", "no way there")
     run.status(0, "FAILURE")
@@ -128,7 +128,11 @@ LANES = "return document.getElementById('lanes').getAttribute('aria-label')"
 
 
 def drag_lanes(browser, *points):
-    """Press the mouse at a point of the lanes, move it over the others, and let go: pixels from their upper left corner."""
+    """Press the mouse at the first point of the lanes, move it over the others, and release it.
+
+    Args:
+        points: Pixels from the upper left corner of the lanes.
+    """
     left, top = browser.js(
         "const { x, y } = document.getElementById('lanes').getBoundingClientRect(); return [x, y]"
     )
@@ -139,7 +143,7 @@ def drag_lanes(browser, *points):
     mouse(browser, "mouseReleased", *places[-1])
 
 
-def test_the_timeline_has_a_lane_for_each_leaf_that_selects_it_and_a_drag_zooms(live, browser):
+def test_timeline_has_selectable_lane_for_each_leaf_and_drag_zooms(live, browser):
     run = live()
     run.journal.clock = clock = ManualClock(100.0)
     run.begin()
@@ -150,7 +154,7 @@ def test_the_timeline_has_a_lane_for_each_leaf_that_selects_it_and_a_drag_zooms(
     run.status(2, "RUNNING", tick=2)
     clock.advance(60.0)
     run.status(2, "SUCCESS", tick=3)
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.wait(lambda: browser.js(LANES) == "Timeline from 0:00 to 2:00: 2 leaves", "two lanes")
     drag_lanes(browser, (300, 18 + 16 + 8))
     browser.wait_for("#details", "nodeSearch")
@@ -160,39 +164,39 @@ def test_the_timeline_has_a_lane_for_each_leaf_that_selects_it_and_a_drag_zooms(
     assert browser.js(LANES) == "Timeline from 0:00 to 2:00: 2 leaves"
 
 
-def test_a_tree_that_does_not_fit_is_folded_to_its_running_branch(live, browser):
+def test_large_tree_is_folded_to_its_running_branch(live, browser):
     leaves = [{**TREE["children"][0], "name": f"leaf {number}"} for number in range(40)]
     branches = [{**TREE, "name": f"branch {number}", "children": leaves} for number in range(2)]
     run = live().begin({**ABOUT, "tree": {**TREE, "children": branches}})
     run.status(45, "RUNNING")
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.wait(lambda: any(row.startswith("leaf 3,") for row in browser.rows()), "the running leaf")
     browser.js("document.getElementById('tree').scrollTop = 0")
     browser.wait(lambda: any(row.startswith("branch 0,") for row in browser.rows()), "the folded branch")
     assert [row.split(",")[0] for row in browser.rows()][:4] == ["Mission", "branch 0", "branch 1", "leaf 0"]
 
 
-def test_nobody_asks_why_a_mission_has_succeeded(live, browser):
+def test_successful_mission_shows_no_cause(live, browser):
     run = live()
     run.journal.add_listener(_FailureExplainer(run.feed).add_entry)
     run.begin()
     run.status(0, "SUCCESS")
     run.journal.end_run(Ending.OVER, 0)
-    browser.open(tree_of(run.server)).wait_for("#condition", "complete")
+    browser.open(engineer_url(run.server)).wait_for("#condition", "complete")
     assert not browser.driver.find_element("id", "why").is_displayed()
 
 
-def test_a_node_has_the_sign_that_the_journal_says(live, browser):
+def test_node_has_symbol_from_journal(live, browser):
     run = live()
     run.journal.begin(ABOUT, {"looks": [["sequence", "→R"], ["decorator", "↻"], ["condition", ""]]})
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.wait_for("#tree", "→R Mission↻ DriveSearch")
     assert browser.text("#signs").endswith(
         "hollow: from an earlier activation→R sequence, reactive↻ runs its child again"
     )
 
 
-def test_texts_from_outside_are_texts(live, browser):
+def test_markup_in_untrusted_texts_is_escaped(live, browser):
     evil = "<img src=x onerror=alert(1)><script>alert(2)</script>"
     tree = {**ABOUT["tree"], "name": evil}
     run = live().begin({**ABOUT, "mission": evil, "tree": tree})
@@ -200,7 +204,7 @@ def test_texts_from_outside_are_texts(live, browser):
     run.status(1, "RUNNING", evil)
     run.journal.record_observation("log", node="patrol", level=40, text=evil)
     run.journal.record_event("found", name=evil, x=0.0, y=0.0)
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     assert evil in browser.text("#log")
     assert evil in browser.text("#tree")
     assert evil in browser.text("#map")
@@ -208,30 +212,30 @@ def test_texts_from_outside_are_texts(live, browser):
     assert browser.js("return document.querySelectorAll('img, body script').length") == 0
 
 
-def test_an_order_is_given_by_a_button_and_its_answer_is_shown(live, browser):
+def test_command_button_sends_command_and_shows_response(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[PAUSE]).begin()
-    browser.open(tree_of(run.server))
-    order_button(browser).click()
+    browser.open(engineer_url(run.server))
+    command_button(browser).click()
     browser.wait_for("#answer", "Pause: done")
     assert operator.given == [("pause", {})]
 
 
-def test_pages_that_are_out_of_sight_keep_no_order_back(live, browser):
+def test_hidden_pages_do_not_block_commands(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[PAUSE]).begin()
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     first = browser.driver.current_window_handle
     for _ in range(7):
         browser.driver.switch_to.new_window("tab")
-        browser.open(tree_of(run.server))
+        browser.open(engineer_url(run.server))
     run.journal.record_event("came_back")
     for tab in [each for each in browser.driver.window_handles if each != first][1:]:
         browser.driver.switch_to.window(tab)
         browser.driver.close()
     browser.driver.switch_to.window(first)
     browser.wait_for("#log", "came back")
-    order_button(browser).click()
+    command_button(browser).click()
     browser.wait_for("#answer", "Pause: done")
     assert operator.given == [("pause", {})]
     last = next(each for each in browser.driver.window_handles if each != first)
@@ -240,11 +244,11 @@ def test_pages_that_are_out_of_sight_keep_no_order_back(live, browser):
     browser.driver.switch_to.window(first)
 
 
-def test_a_grave_order_asks_first_and_can_be_left(live, browser):
+def test_command_with_confirmation_can_be_canceled(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[SKIP]).begin()
-    browser.open(tree_of(run.server))
-    button = order_button(browser)
+    browser.open(engineer_url(run.server))
+    button = command_button(browser)
     button.click()
     assert "Nobody goes there." in browser.text("#ask")
     browser.type("#ask .yes", Keys.ESCAPE)
@@ -258,7 +262,7 @@ def test_a_grave_order_asks_first_and_can_be_left(live, browser):
     assert operator.given == [("pause", {})]
 
 
-def test_enter_in_a_field_gives_the_order(live, browser):
+def test_enter_in_field_sends_command(live, browser):
     operator = Operator()
     name = {
         "name": "point",
@@ -269,8 +273,8 @@ def test_enter_in_a_field_gives_the_order(live, browser):
         "longest": 200,
     }
     run = live(orders=operator, verbs=[{**PAUSE, "fields": [name]}]).begin()
-    browser.open(tree_of(run.server))
-    button = order_button(browser)
+    browser.open(engineer_url(run.server))
+    button = command_button(browser)
     button.click()
     browser.click("#ask .no")
     button.click()
@@ -289,11 +293,11 @@ ADD: dict[str, Any] = {
 }
 
 
-def test_a_place_is_shown_on_the_map_or_not(live, browser):
+def test_location_can_be_picked_on_map_or_canceled(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[ADD]).begin()
-    browser.open(tree_of(run.server))
-    button = order_button(browser)
+    browser.open(engineer_url(run.server))
+    button = command_button(browser)
     button.click()
     browser.click("#ask label ~ button")
     browser.wait_for("#answer", "Escape cancels")
@@ -327,36 +331,36 @@ AREA: dict[str, Any] = {
 }
 
 
-def click_at(browser, *places):
-    """Click on the map at some places, pixels from its middle."""
+def click_map(browser, *places):
+    """Click on the map at points given in pixels from its centre."""
     plan = browser.driver.find_element("css selector", "#map")
     for x, y in places:
         ActionChains(browser.driver).move_to_element_with_offset(plan, x, y).click().perform()
 
 
-def drawn(browser):
-    """Return how many corners are drawn."""
+def count_corners(browser):
+    """Return the number of drawn corners."""
     return browser.js("return document.querySelectorAll('#map .drawn circle').length")
 
 
-def test_an_area_is_drawn_corner_by_corner_and_closed_at_the_first_one(live, browser):
+def test_area_is_drawn_by_corners_and_closed_at_first_one(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[AREA]).begin()
-    browser.open(tree_of(run.server))
-    order_button(browser).click()
+    browser.open(engineer_url(run.server))
+    command_button(browser).click()
     browser.type("#ask input[name=name]", "yard")
     browser.click("#ask label ~ button")
     browser.wait_for("#answer", "the first one again to close the outline")
-    click_at(browser, (-60, -40), (60, -40), (90, 90))
-    assert drawn(browser) == 3
+    click_map(browser, (-60, -40), (60, -40), (90, 90))
+    assert count_corners(browser) == 3
     browser.type("#map", Keys.BACKSPACE)
-    browser.wait(lambda: drawn(browser) == 2, "one corner less")
-    # Two corners are no area, so that the first one does not close them.
-    click_at(browser, (-60, -40))
-    assert drawn(browser) == 2
-    click_at(browser, (60, 40), (-60, -40))
+    browser.wait(lambda: count_corners(browser) == 2, "one corner less")
+    # Two corners are not an area, so a click on the first one does not close it.
+    click_map(browser, (-60, -40))
+    assert count_corners(browser) == 2
+    click_map(browser, (60, 40), (-60, -40))
     browser.wait(lambda: browser.js("return document.getElementById('ask').open"), "the question again")
-    assert drawn(browser) == 0
+    assert count_corners(browser) == 0
     browser.click("#ask .yes")
     browser.wait_for("#answer", "done")
     ((_, values),) = operator.given
@@ -367,79 +371,79 @@ def test_an_area_is_drawn_corner_by_corner_and_closed_at_the_first_one(live, bro
     assert below_y < top
 
 
-def test_what_is_drawn_is_left_by_escape(live, browser):
+def test_escape_cancels_drawing(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[AREA]).begin()
-    browser.open(tree_of(run.server))
-    order_button(browser).click()
+    browser.open(engineer_url(run.server))
+    command_button(browser).click()
     browser.click("#ask label ~ button")
-    click_at(browser, (-60, -40), (60, -40), (60, 40))
+    click_map(browser, (-60, -40), (60, -40), (60, 40))
     browser.type("#map", Keys.ESCAPE)
     browser.wait(lambda: browser.text("#answer") == "", "the end of the question")
-    assert drawn(browser) == 0
+    assert count_corners(browser) == 0
     assert operator.given == []
 
 
-def test_corners_that_are_typed_are_sent_as_numbers_and_anything_else_as_it_is(live, browser):
+def test_typed_corners_are_sent_as_numbers_and_other_text_unchanged(live, browser):
     operator = Operator()
     run = live(orders=operator, verbs=[AREA]).begin()
-    browser.open(tree_of(run.server))
-    button = order_button(browser)
+    browser.open(engineer_url(run.server))
+    button = command_button(browser)
     for number, typed in enumerate(("[[0, 0], [4, 0], [4, 3]]", "four corners"), start=1):
         button.click()
         browser.type("#ask input[name=name]", "yard")
         browser.type("#ask input[name=corners]", typed)
         browser.click("#ask .yes")
-        # The answer to the order before stays until this one is sent.
+        # The response to the previous command stays until this one is sent.
         browser.wait(lambda number=number: len(operator.given) == number, "the order")
     assert [values["corners"] for _, values in operator.given] == [[[0, 0], [4, 0], [4, 3]], "four corners"]
 
 
-def dock(browser):
-    """Return where the dock is drawn on the map."""
+def dock_transform(browser):
+    """Return the transform of the dock on the map."""
     return browser.js("return document.querySelector('#map [data-kind=dock]').getAttribute('transform')")
 
 
-def test_the_map_is_moved_by_the_mouse_and_by_nothing_else(live, browser):
+def test_map_is_moved_only_by_left_mouse_drag(live, browser):
     run = live().begin()
-    browser.open(tree_of(run.server))
-    x, y = middle(browser, "#map")
-    at_first = dock(browser)
+    browser.open(engineer_url(run.server))
+    x, y = centre(browser, "#map")
+    at_first = dock_transform(browser)
     touch = {"enabled": True}
     browser.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", touch)
     for kind, points in (("touchStart", [{"x": x, "y": y}]), ("touchCancel", [])):
         browser.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
     browser.driver.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
-    # What is touched is larger, which moves the map as well.
-    browser.wait(lambda: dock(browser) == at_first, "the map where it was")
+    # Touch enlarges the controls, which moves the map too.
+    browser.wait(lambda: dock_transform(browser) == at_first, "the map where it was")
     mouse(browser, "mouseMoved", x + 40, y + 40, button="none")
     mouse(browser, "mousePressed", x, y, button="right")
     mouse(browser, "mouseMoved", x + 40, y + 40, button="right")
     mouse(browser, "mouseReleased", x + 40, y + 40, button="right")
     mouse(browser, "mouseWheel", x, y, deltaX=50, deltaY=0)
     mouse(browser, "mouseMoved", x, y, button="none")
-    assert dock(browser) == at_first
+    assert dock_transform(browser) == at_first
     mouse(browser, "mousePressed", x, y)
     mouse(browser, "mouseMoved", x + 40, y + 40)
     mouse(browser, "mouseReleased", x + 40, y + 40)
-    moved = dock(browser)
+    moved = dock_transform(browser)
     assert moved != at_first
     mouse(browser, "mouseMoved", x, y, button="none")
-    assert dock(browser) == moved
+    assert dock_transform(browser) == moved
 
 
-def test_who_has_no_token_can_only_look(live, browser):
+def test_page_without_token_is_read_only(live, browser):
     run = live(orders=Operator(), verbs=[PAUSE]).begin()
-    browser.open(tree_of(run.server).partition("#")[0])
+    browser.open(engineer_url(run.server).partition("#")[0])
     browser.wait_for("#answer", "open the complete address that the run has printed")
     browser.wait_for("#verbs", "Pause")
     assert not browser.driver.find_element("css selector", "[data-verb=pause]").is_enabled()
 
 
-def test_the_tree_is_walked_and_folded_by_keyboard(live, browser):
+def test_tree_is_navigated_and_folded_by_keyboard(live, browser):
     run = live().begin()
     run.status(1, "FAILURE", "no way there")
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.type("#tree", Keys.ARROW_DOWN)
     assert "no way there" in browser.text("#details")
     assert "trees/mission.xml:4" in browser.text("#details")
@@ -453,7 +457,7 @@ def test_the_tree_is_walked_and_folded_by_keyboard(live, browser):
 
 
 class Asked:
-    """The tools of a run that answer what they are told to, and remember what they were asked."""
+    """Scripted tools of a run that store their requests."""
 
     def __init__(self):
         self.nodes, self.held, self.seen = set(), None, []
@@ -494,45 +498,45 @@ class Asked:
 
 
 @pytest.fixture
-def asked(live, browser):
-    """Open the engineer's page of a run that can be asked; return what is asked of it."""
-    asked = Asked()
-    run = live(orders=Operator(), tools=asked.tools).begin()
+def recorded_tools(live, browser):
+    """Open the engineer's page of a run with scripted tools; return the tools."""
+    recorded_tools = Asked()
+    run = live(orders=Operator(), tools=recorded_tools.tools).begin()
     run.status(1, "RUNNING", tick=1)
     run.status(1, "SUCCESS", tick=7)
     run.status(2, "RUNNING", tick=7)
-    browser.open(tree_of(run.server))
-    return asked
+    browser.open(engineer_url(run.server))
+    return recorded_tools
 
 
-def test_a_breakpoint_is_set_at_the_chosen_node_and_the_node_that_is_held_is_chosen(asked, browser):
+def test_breakpoint_is_set_at_selected_node_and_paused_node_is_selected(recorded_tools, browser):
     browser.click("#tree [data-id='1']")
     browser.click("#tools button[aria-pressed]")
     browser.wait(lambda: any("breakpoint" in row for row in browser.rows()), "a row with a breakpoint")
-    assert asked.nodes == {1}
-    asked.held = 2
+    assert recorded_tools.nodes == {1}
+    recorded_tools.held = 2
     browser.wait_for("#details", "nodeSearch")
     browser.click("#tools button:nth-child(2)")
-    browser.wait(lambda: asked.held is None, "the order to go on")
+    browser.wait(lambda: recorded_tools.held is None, "the order to go on")
     browser.wait(
         lambda: browser.js("return document.querySelector('#tools button:nth-child(2)').hidden"), "its end"
     )
 
 
-def test_who_has_no_token_sets_no_breakpoint(asked, browser):
+def test_page_without_token_cannot_set_breakpoint(recorded_tools, browser):
     browser.open(browser.driver.current_url.partition("#")[0])
     browser.click("#tree [data-id='1']")
     browser.wait_for("#details", "nodeDrive")
     assert not browser.driver.find_element("css selector", "#tools button[aria-pressed]").is_displayed()
 
 
-def test_what_another_answer_would_have_led_to_is_asked_of_a_leaf(asked, browser):
+def test_consequence_of_other_outcome_is_shown_for_leaf(recorded_tools, browser):
     button = "#tools button:nth-child(3)"
     assert not browser.driver.find_element("css selector", button).is_displayed()
     browser.click("#tree [data-id='1']")
     browser.click(button)
     browser.wait_for("#otherwise", "FAILURE (aborted): Search FAILURE, the root FAILURE")
-    assert asked.seen == [{"node": 1, "tick": 7, "run": 1, "robot": 0}]
+    assert recorded_tools.seen == [{"node": 1, "tick": 7, "run": 1, "robot": 0}]
     browser.click("#tree [data-id='2']")
     browser.wait(lambda: browser.text("#otherwise") == "", "nothing of the leaf before")
     browser.allow("409")
@@ -540,34 +544,34 @@ def test_what_another_answer_would_have_led_to_is_asked_of_a_leaf(asked, browser
     browser.wait_for("#otherwise", "Unknown: the tree has another shape now")
 
 
-def test_the_blackboard_is_shown_where_somebody_opens_it(asked, browser):
+def test_blackboard_is_shown_when_opened(recorded_tools, browser):
     browser.click("#board summary")
     browser.wait_for("#board", "goal'east'str").wait_for("#board", "Reach/leftnot written")
 
 
-def test_where_no_blackboard_is_kept_its_place_says_so(replay, browser):
-    browser.open(tree_of(replay)).click("#board summary")
+def test_replay_states_that_blackboard_is_not_recorded(replay, browser):
+    browser.open(engineer_url(replay)).click("#board summary")
     browser.wait_for("#board", "A journal does not contain the blackboard.")
 
 
 def mouse(browser, kind, x, y, **said):
-    """Do something with the mouse at a place of the window."""
+    """Send a mouse event at a point of the window."""
     said = {"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1, **said}
     browser.driver.execute_cdp_cmd("Input.dispatchMouseEvent", said)
 
 
-def middle(browser, selector):
+def centre(browser, selector):
     return browser.js(
         "const r = document.querySelector(arguments[0]).getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]",
         selector,
     )
 
 
-def test_a_row_that_changes_while_it_is_pressed_is_clicked(live, browser):
+def test_row_that_changes_during_click_is_selected(live, browser):
     run = live().begin()
     run.status(1, "RUNNING", "9 m left")
-    browser.open(tree_of(run.server))
-    place = middle(browser, "#tree [data-id='1']")
+    browser.open(engineer_url(run.server))
+    place = centre(browser, "#tree [data-id='1']")
     mouse(browser, "mousePressed", *place)
     run.status(1, "FAILURE", "no way there")
     browser.wait_for("#tree", "no way there")
@@ -575,22 +579,22 @@ def test_a_row_that_changes_while_it_is_pressed_is_clicked(live, browser):
     browser.wait_for("#details", "leaves.Drive")
 
 
-def test_the_tree_is_folded_by_the_mouse(live, browser):
+def test_tree_is_folded_by_mouse(live, browser):
     run = live().begin()
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     for count in (1, 3):
-        place = middle(browser, "#tree .twist")
+        place = centre(browser, "#tree .twist")
         mouse(browser, "mousePressed", *place)
         mouse(browser, "mouseReleased", *place)
         assert len(browser.rows()) == count
 
 
-def test_a_status_is_told_by_shape_and_letter_as_well(live, browser):
+def test_status_is_shown_by_shape_and_letter(live, browser):
     run = live().begin()
     statuses = ("RUNNING", "SUCCESS", "FAILURE")
     for node, status in enumerate(statuses):
         run.status(node, status)
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     signs = browser.js(
         "return [...document.querySelectorAll('#tree .badge')].map((b) => [b.textContent, b.firstChild.getAttribute('d')])"
     )
@@ -599,7 +603,7 @@ def test_a_status_is_told_by_shape_and_letter_as_well(live, browser):
 
 
 def wide_tree(count):
-    """Return an outline of so many nodes below groups of ten."""
+    """Return an outline of about `count` nodes, in groups of ten leaves."""
     (leaf, _), groups = ABOUT["tree"]["children"], []
     for group in range((count - 1) // 11):
         children = [{**leaf, "name": f"leaf {group}.{index}"} for index in range(10)]
@@ -608,11 +612,11 @@ def wide_tree(count):
 
 
 @pytest.mark.parametrize("count", [1_000, 10_000])
-def test_of_a_large_tree_only_what_is_in_sight_is_drawn(live, browser, count):
+def test_large_tree_renders_only_visible_rows(live, browser, count):
     run = live().begin({**ABOUT, "tree": wide_tree(count)})
     run.status(0, "RUNNING")
     run.status(16, "RUNNING", "here")
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     assert "leaf 1.3, Drive, RUNNING, here" in browser.rows()
     browser.click("#unfold")
     assert len(browser.rows()) < 60
@@ -625,28 +629,28 @@ def test_of_a_large_tree_only_what_is_in_sight_is_drawn(live, browser, count):
 
 
 def deep_tree(depth):
-    """Return an outline of groups within each other, and a leaf in the last one."""
+    """Return an outline of nested groups with a leaf in the innermost one."""
     tree = ABOUT["tree"]["children"][0]
     for level in reversed(range(depth)):
         tree = {**ABOUT["tree"], "name": f"level {level}", "children": [tree]}
     return tree
 
 
-def test_the_deepest_name_is_in_a_narrow_window(live, browser):
+def test_deepest_name_fits_in_narrow_window(live, browser):
     run = live().begin({**ABOUT, "tree": deep_tree(120)})
     run.status(120, "RUNNING")
     browser.size(400, 640)
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.type("#tree", Keys.END)
     browser.wait(lambda: browser.rows()[-1].startswith("Drive"), "the leaf")
     name = "return [...document.querySelectorAll('#tree .name')].at(-1).getBoundingClientRect().right"
     assert browser.js(name) < 400
 
 
-def test_what_is_selected_of_a_node_stays_selected(live, browser):
+def test_selected_text_of_node_stays_selected(live, browser):
     run = live().begin()
     run.status(1, "RUNNING", "9 m left")
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.type("#tree", Keys.ARROW_DOWN)
     browser.js(
         "const place = [...document.querySelectorAll('#details dd')].find((dd) => dd.textContent.includes('mission.xml'));"
@@ -657,10 +661,10 @@ def test_what_is_selected_of_a_node_stays_selected(live, browser):
     assert browser.js("return String(getSelection())") == "trees/mission.xml:4"
 
 
-def test_nothing_is_folded_unseen_while_something_is_searched(live, browser):
+def test_nothing_is_folded_during_search(live, browser):
     run = live().begin()
     browser.size(400, 640)
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.click("nav [data-view=map]")
     browser.type("#map", "/")
     browser.type("#search", "Mission")
@@ -670,9 +674,9 @@ def test_nothing_is_folded_unseen_while_something_is_searched(live, browser):
     assert len(browser.rows()) == 3
 
 
-def test_who_listens_to_the_tree_is_told_where_in_it_a_node_is(live, browser):
+def test_screen_reader_gets_position_of_node_in_tree(live, browser):
     run = live().begin({**ABOUT, "tree": wide_tree(1_000)})
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.click("#unfold")
     browser.type("#tree", Keys.END)
     current = "return document.getElementById('tree').getAttribute('aria-activedescendant')"
@@ -680,7 +684,7 @@ def test_who_listens_to_the_tree_is_told_where_in_it_a_node_is(live, browser):
     assert browser.js(places, browser.js(current)) == ["3", "10", "10"]
 
     def is_out_of_sight():
-        # The browser may still be scrolling to the node that the key has chosen.
+        # The browser may still be scrolling to the node that the key has selected.
         browser.js("document.getElementById('tree').scrollTop = 0")
         return browser.js(current) is None
 
@@ -689,7 +693,7 @@ def test_who_listens_to_the_tree_is_told_where_in_it_a_node_is(live, browser):
 
 @pytest.fixture
 def replay(tmp_path):
-    """Serve the page of a journal: two runs of ten seconds each, in which a point each is reached."""
+    """Serve the page of a journal with two runs of 10 s, in each of which one point is reached."""
     place = tmp_path / "mission.journal"
     for number, point in enumerate(POINTS):
         clock = ManualClock()
@@ -711,7 +715,7 @@ def replay(tmp_path):
         yield server
 
 
-def go(browser, seconds):
+def go_to(browser, seconds):
     """Move the slider to a time."""
     browser.js(
         "const time = document.getElementById('time'); time.value = arguments[0]; time.dispatchEvent(new Event('input'))",
@@ -719,7 +723,7 @@ def go(browser, seconds):
     )
 
 
-def test_the_end_is_reached_also_where_hundredths_of_a_second_are_a_little_before_it(tmp_path, browser):
+def test_replay_end_is_reached_despite_rounding_to_hundredths(tmp_path, browser):
     place, clock = tmp_path / "mission.journal", ManualClock(100.0)
     journal = open_journal(place)
     journal.clock = clock
@@ -732,13 +736,13 @@ def test_the_end_is_reached_also_where_hundredths_of_a_second_are_a_little_befor
     assert replay.end > 5.14
     with closing(PageServer(ReplayFeed(replay, {}), free_port())) as server:
         server.start()
-        browser.open(tree_of(server))
-        go(browser, 99)
+        browser.open(engineer_url(server))
+        go_to(browser, 99)
         browser.wait_for("#condition", "stopped")
 
 
-def test_a_replay_goes_back_and_forth_through_time(replay, browser):
-    browser.open(tree_of(replay))
+def test_replay_moves_back_and_forth_in_time(replay, browser):
+    browser.open(engineer_url(replay))
     assert browser.text("#at").endswith("of 0:20")
     for seconds, left, points in (
         (3.5, "7 m left", 0),
@@ -746,12 +750,12 @@ def test_a_replay_goes_back_and_forth_through_time(replay, browser):
         (20.0, "none", 2),
         (1.0, "9 m left", 0),
     ):
-        go(browser, seconds)
+        go_to(browser, seconds)
         browser.wait_for("#now", left)
         browser.wait_for("#progress", f"points visited {points} of 2")
 
 
-def test_the_end_of_a_replay_can_be_reached_by_its_slider(tmp_path, browser):
+def test_slider_reaches_end_of_replay(tmp_path, browser):
     place = tmp_path / "mission.journal"
     journal = open_journal(place)
     journal.clock = clock = ManualClock()
@@ -761,34 +765,34 @@ def test_the_end_of_a_replay_can_be_reached_by_its_slider(tmp_path, browser):
     journal.close()
     with closing(PageServer(ReplayFeed(Replay([place]), {}), 0)) as server:
         server.start()
-        browser.open(tree_of(server))
+        browser.open(engineer_url(server))
         browser.type("#time", Keys.END)
         browser.wait_for("#condition", "Complete.")
 
 
-def test_going_back_in_a_replay_keeps_what_is_chosen_and_folded(replay, browser):
-    browser.open(tree_of(replay))
-    go(browser, 15.0)
+def test_going_back_in_replay_keeps_selection_and_folding(replay, browser):
+    browser.open(engineer_url(replay))
+    go_to(browser, 15.0)
     browser.wait_for("#clock", "run 2")
     browser.type("#tree", Keys.ARROW_DOWN)
     browser.wait_for("#details", "leaves.Drive")
     browser.type("#tree", Keys.ARROW_LEFT, Keys.ARROW_LEFT)
-    go(browser, 3.0)
+    go_to(browser, 3.0)
     browser.wait_for("#clock", "0:03")
     assert len(browser.rows()) == 1
     assert "py_trees.composites.Sequence" in browser.text("#details")
 
 
-def test_a_replay_whose_connection_came_again_is_where_it_was(replay, browser):
-    browser.open(tree_of(replay))
-    go(browser, 13.0)
+def test_reconnected_replay_keeps_its_time(replay, browser):
+    browser.open(engineer_url(replay))
+    go_to(browser, 13.0)
     browser.wait_for("#at", "0:13 of")
     browser.allow("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING")
     feed, port = replay._feed, replay.port
     replay.close()
     browser.wait_for("#condition", "not connected")
-    go(browser, 14.0)
-    go(browser, 13.0)
+    go_to(browser, 14.0)
+    go_to(browser, 13.0)
     feed._ended = False
     with closing(PageServer(feed, port)) as again:
         browser.js("document.body.dataset.mode = ''")
@@ -798,56 +802,56 @@ def test_a_replay_whose_connection_came_again_is_where_it_was(replay, browser):
         assert browser.text("#at") == "0:13 of 0:20"
 
 
-def test_replays_that_are_out_of_sight_keep_no_moment_back(replay, browser):
-    browser.open(tree_of(replay))
+def test_hidden_replays_do_not_block_requests(replay, browser):
+    browser.open(engineer_url(replay))
     first = browser.driver.current_window_handle
     for _ in range(7):
         browser.driver.switch_to.new_window("tab")
-        browser.open(tree_of(replay))
+        browser.open(engineer_url(replay))
     browser.wait_for("#at", "of 0:20")
-    go(browser, 13.0)
+    go_to(browser, 13.0)
     browser.wait_for("#at", "0:13 of")
     for tab in [each for each in browser.driver.window_handles if each != first]:
         browser.driver.switch_to.window(tab)
         browser.driver.close()
     browser.driver.switch_to.window(first)
-    go(browser, 15.0)
+    go_to(browser, 15.0)
     browser.wait_for("#at", "0:15 of")
 
 
-def lines(browser):
+def log_lines(browser):
     return browser.js("return [...document.querySelectorAll('#log li span')].map((line) => line.textContent)")
 
 
-def test_the_facts_are_shown_that_many_lines_have_pushed_out(live, browser):
+def test_events_remain_after_many_log_lines(live, browser):
     run = live().begin()
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     run.journal.record_event("came_back")
     for number in range(450):
         run.journal.record_observation("log", node="patrol", level=20, text=f"line {number}")
     browser.wait_for("#log", "line 449")
-    assert lines(browser)[0] == "line 50"
+    assert log_lines(browser)[0] == "line 50"
     browser.click("#facts")
-    browser.wait(lambda: len(lines(browser)) == 2, "the facts")
-    assert lines(browser) == ["The run began.", "came back"]
+    browser.wait(lambda: len(log_lines(browser)) == 2, "the facts")
+    assert log_lines(browser) == ["The run began.", "came back"]
 
 
-def test_the_log_has_no_lines_of_the_mission_before(live, browser):
+def test_log_has_no_lines_of_previous_mission(live, browser):
     run = live().begin()
     for number in range(2):
         run.journal.record_observation("log", node="patrol", level=20, text=f"first {number}")
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     told = [{"node": "patrol", "level": 20, "text": f"second {number}"} for number in range(9)]
     for entry in (("run_began", {**ABOUT, "run": {}}), *(("log", each) for each in told)):
         run.feed.add_entry(JournalEntry(9, 1, 0.0, 0.0, *entry))
     browser.wait_for("#log", "second 8")
-    assert lines(browser) == ["The run began.", *(f"second {n}" for n in range(9))]
+    assert log_lines(browser) == ["The run began.", *(f"second {n}" for n in range(9))]
 
 
-def test_the_log_follows_the_newest_line_unless_somebody_reads_above(live, browser):
+def test_log_follows_newest_line_unless_scrolled_up(live, browser):
     run = live().begin()
     browser.size(400, 800)
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     is_at_end = (
         "const log = document.getElementById('log');"
         "return log.clientHeight > 0 && log.scrollTop + log.clientHeight > log.scrollHeight - 5"
@@ -867,8 +871,8 @@ def test_the_log_follows_the_newest_line_unless_somebody_reads_above(live, brows
     assert browser.js("return document.getElementById('log').scrollTop") == 0
 
 
-def test_a_replay_plays_by_itself_to_the_end(replay, browser):
-    browser.open(tree_of(replay))
+def test_replay_plays_to_its_end(replay, browser):
+    browser.open(engineer_url(replay))
     browser.js("document.getElementById('speed').value = '100'")
     browser.type("body", " ")
     browser.wait_for("#at", "0:20 of 0:20")
@@ -876,20 +880,20 @@ def test_a_replay_plays_by_itself_to_the_end(replay, browser):
     assert browser.driver.find_element("id", "play").get_attribute("aria-label") == "Play"
 
 
-def test_who_went_back_sees_what_was_seen_on_the_way_there(replay, browser):
-    browser.open(tree_of(replay))
+def test_same_replay_time_shows_same_state_after_going_back(replay, browser):
+    browser.open(engineer_url(replay))
     seen = []
     for seconds in (12.0, 20.0, 12.0):
-        go(browser, seconds)
+        go_to(browser, seconds)
         browser.wait_for("#at", f"0:{seconds:.0f} of")
         seen.append((browser.rows(), browser.text("#log"), browser.text("#clock")))
     assert seen[0] == seen[2]
     assert seen[0] != seen[1]
 
 
-def test_two_robots_are_on_one_map_each_with_its_tree(two, browser):
-    browser.open(tree_of(two))
-    go(browser, 7.0)
+def test_two_robots_share_map_and_have_own_trees(two, browser):
+    browser.open(engineer_url(two))
+    go_to(browser, 7.0)
     browser.wait_for("#now", "robot1 7")
     names = "return [...document.querySelectorAll('#map .label.name')].map((text) => text.textContent)"
     assert sorted(browser.js(names)) == ["robot1", "robot2"]
@@ -910,8 +914,8 @@ import('./static/run.js').then(({ Run }) => done(arguments[0].map((changes) => {
 """
 
 
-def test_a_late_browser_knows_what_the_others_know(live, browser):
-    browser.open(tree_of(live().server))
+def test_late_browser_has_same_state_as_early_one(live, browser):
+    browser.open(engineer_url(live().server))
     early, late = [], []
     for seed in range(6):
         chance, state = random.Random(seed), PageState()  # noqa: S311
@@ -922,18 +926,18 @@ def test_a_late_browser_knows_what_the_others_know(live, browser):
                 changes.append(as_json(state.change()))
                 early.append(changes[:])
                 late.append([as_json(state.full_state())])
-    for known, whole in zip(told(browser, early), told(browser, late), strict=True):
+    for known, whole in zip(states_of(browser, early), states_of(browser, late), strict=True):
         assert known == whole
 
 
-def told(browser, runs):
-    """Return what a page knows of runs, each by its changes; the order of parts says nothing, but that of landmarks does."""
+def states_of(browser, runs):
+    """Return the page's state after the changes of each run, with the order of landmarks, which matters."""
     folded = browser.driver.execute_async_script(FOLD, runs)
     return [(each := json.loads(text), [*each["landmarks"]]) for text in folded]
 
 
 @pytest.mark.parametrize("size", [(400, 640), (400, 800), (1600, 800)])
-def test_nothing_sticks_out_of_the_window(live, browser, size):
+def test_page_fits_in_window(live, browser, size):
     width, height = size
     run = live(orders=Operator(), verbs=[_form(verb) for verb in VERBS]).begin()
     run.status(
@@ -944,9 +948,9 @@ def test_nothing_sticks_out_of_the_window(live, browser, size):
         "progress", target="a_point_with_a_long_name", distance=3.14, time_left=100.0
     )
     browser.size(width, height)
-    browser.open(tree_of(run.server))
+    browser.open(engineer_url(run.server))
     browser.wait(
-        # There is no zone that could be skipped.
+        # The button to skip a zone is disabled, because there is no zone.
         lambda: (
             browser.js("return document.querySelectorAll('#orders button:enabled:not(#ask *)').length") == 7
         ),

@@ -1,4 +1,4 @@
-"""Who may look at a page, who may give orders, and what a late browser is told."""
+"""Tests of the page server: access to the page, permission for commands, and the state that a late browser receives."""
 
 import itertools
 import json
@@ -26,7 +26,7 @@ from tests.web.folding import folded
 
 
 class Operator:
-    """Heeds orders, but for those that it was told to refuse."""
+    """Accepts the command `pause`, and refuses all others."""
 
     def __init__(self):
         self.given = []
@@ -44,7 +44,7 @@ class Operator:
 
 
 def events(run, enough):
-    """Read the events of a page until there are enough; return them as pairs of a name and values."""
+    """Read the events of a page until `enough` returns true; return them as pairs of name and values."""
     with closing(
         urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=SILENCE_SEC)
     ) as answer:
@@ -58,8 +58,8 @@ def events(run, enough):
     return found
 
 
-def known(found):
-    """Return what a page knows after events."""
+def page_state(found):
+    """Return the state of a page after events."""
     state: dict[str, Any] = {}
     for name, changes in found:
         for change in changes if name == "changes" else ():
@@ -67,12 +67,12 @@ def known(found):
     return state
 
 
-def lines(found):
-    """Return what the log says after events."""
-    return [line[-1] for line in known(found).get("log", ())]
+def log_lines(found):
+    """Return the log lines after events."""
+    return [line[-1] for line in page_state(found).get("log", ())]
 
 
-def test_a_tool_that_changes_something_needs_the_token_and_what_only_looks_does_not(live):
+def test_tool_needs_token_unless_it_is_read_only(live):
     tools = {"look": PageQuery(lambda values: {"seen": values}), "set": PageQuery(lambda _: 1, is_free=False)}
     run = live(tools=tools)
     assert "#" in run.server.url
@@ -91,7 +91,7 @@ def test_a_tool_that_changes_something_needs_the_token_and_what_only_looks_does_
     assert ask("look", Origin="http://elsewhere")[0] == 403
 
 
-def test_the_report_of_a_robot_is_a_page_of_its_own_whose_style_is_its_own(live):
+def test_report_is_served_as_page_with_inline_style(live):
     run = live(tools={"report": PageQuery(lambda values: f"<p>{values['robot']}</p>")})
     status, text, headers = run.ask("/report?robot=1")
     assert (status, text) == (200, "<p>1</p>")
@@ -102,7 +102,7 @@ def test_the_report_of_a_robot_is_a_page_of_its_own_whose_style_is_its_own(live)
     assert run.ask("/report?robot=x")[0] == 400
 
 
-def test_that_there_is_no_report_is_said(live):
+def test_missing_report_is_reported(live):
     def fail(_):
         message = "the run goes on"
         raise SarError(message)
@@ -114,7 +114,7 @@ def test_that_there_is_no_report_is_said(live):
     )
 
 
-def test_the_page_is_served_with_a_policy_that_lets_nothing_else_in(live):
+def test_page_is_served_with_strict_security_headers(live):
     run = live()
     status, text, headers = run.ask("/")
     assert (status, "<title>mission</title>" in text) == (200, True)
@@ -126,12 +126,12 @@ def test_the_page_is_served_with_a_policy_that_lets_nothing_else_in(live):
         "same-origin",
         "same-origin",
     )
-    # No browser shows the page of another mission, or of an older version, from its store.
+    # A browser must not show the page of another mission or of an older version from its cache.
     assert headers["Cache-Control"] == "no-store"
 
 
 @pytest.mark.parametrize("page", ["/", "/tree"])
-def test_the_pages_name_nothing_outside_themselves(live, page):
+def test_pages_refer_only_to_own_files(live, page):
     _, text, _ = live().ask(page)
     named = re.findall(r'(?:src|href)="([^"]*)"', text)
     assert len(named) > 1
@@ -149,14 +149,14 @@ def test_the_pages_name_nothing_outside_themselves(live, page):
         "//etc/passwd",
     ],
 )
-def test_nothing_else_can_be_reached(live, path):
+def test_unknown_path_is_not_found(live, path):
     status, text, headers = live().ask(path)
     assert (status, text) == (404, "page not found\n")
     assert "Content-Security-Policy" in headers
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE"])
-def test_nothing_can_be_written(live, method):
+def test_write_methods_are_not_allowed(live, method):
     assert live().ask("/", method)[0] == 405
 
 
@@ -164,24 +164,24 @@ def test_nothing_can_be_written(live, method):
     "host", ["example.org", "example.org:8043", "127.0.0.1.example.org", "", "[::1].x", "localhost:x"]
 )
 @pytest.mark.parametrize("path", ["/", "/events"])
-def test_a_name_that_is_not_this_machine_s_is_refused(live, host, path):
+def test_foreign_host_name_is_refused(live, host, path):
     assert live().ask(path, Host=host)[0] == 403
 
 
 @pytest.mark.parametrize("host", ["localhost", "127.0.0.1:9000", "[::1]:8043"])
-def test_this_machine_has_several_names_and_tunnels_other_ports(live, host):
+def test_local_host_names_with_any_port_are_accepted(live, host):
     assert live().ask("/", Host=host)[0] == 200
 
 
 @pytest.mark.parametrize("origin", ["http://example.org", "http://127.0.0.1:1", "https://127.0.0.1", "null"])
-def test_another_page_of_the_browser_is_refused(live, origin):
+def test_foreign_origin_is_refused(live, origin):
     run = live(orders=Operator())
     assert run.ask("/events", Origin=origin)[0] == 403
     assert run.order("pause", {}, Origin=origin)[0] == 403
 
 
 @pytest.mark.parametrize("name", ["localhost", "127.0.0.1", "[::1]"])
-def test_the_page_is_its_own_by_each_name_of_this_machine(live, name):
+def test_own_origin_is_accepted_under_each_local_name(live, name):
     run = live(orders=Operator())
     assert run.ask("/", Origin=f"http://{name}:{run.server.port}")[0] == 200
     assert run.order("pause", {"why": "rest"}, Origin=f"http://{name}:{run.server.port}")[0] == 200
@@ -193,7 +193,7 @@ def test_the_page_is_its_own_by_each_name_of_this_machine(live, name):
         assert run.ask("/", Origin=other)[0] == 403
 
 
-def test_who_has_the_address_gives_orders(live):
+def test_command_with_token_is_accepted(live):
     operator = Operator()
     run = live(orders=operator)
     own = f"http://127.0.0.1:{run.server.port}"
@@ -212,7 +212,7 @@ def test_who_has_the_address_gives_orders(live):
         ("", ""),
     ],
 )
-def test_an_order_has_the_reason_of_its_header_as_a_short_line(live, sent, reason):
+def test_reason_header_becomes_short_clean_line(live, sent, reason):
     operator = Operator()
     assert live(orders=operator).order("pause", {}, **{"X-Operator": "Ada", "X-Reason": sent})[0] == 200
     (giver,) = operator.givers
@@ -222,7 +222,7 @@ def test_an_order_has_the_reason_of_its_header_as_a_short_line(live, sent, reaso
 @pytest.mark.parametrize(
     "said", ["", "Bearer ", "Bearer wrong", "Basic {token}", "{token}", "Bearer {token}x"]
 )
-def test_without_the_token_nobody_gives_orders(live, said):
+def test_command_without_token_is_refused(live, said):
     operator = Operator()
     run = live(orders=operator)
     status, text = run.order("pause", {}, Authorization=said.format(token=run.server.token))
@@ -230,7 +230,7 @@ def test_without_the_token_nobody_gives_orders(live, said):
     assert "Open the complete address that the run has printed" in text
 
 
-def test_each_run_has_a_token_of_its_own(live):
+def test_each_run_has_its_own_token(live):
     assert live(orders=Operator()).server.token != live(orders=Operator()).server.token
 
 
@@ -244,13 +244,13 @@ def test_each_run_has_a_token_of_its_own(live):
         ("{}", "text/plain", 415),
     ],
 )
-def test_what_is_no_order_is_refused(live, body, kind, status):
+def test_malformed_command_is_refused(live, body, kind, status):
     run = live(orders=Operator())
     said = {"Authorization": f"Bearer {run.server.token}", "Content_Type": kind}
     assert run.ask("/orders/pause", "POST", body, **said)[0] == status
 
 
-def test_what_is_wrong_with_an_order_is_said(live):
+def test_unknown_command_is_refused_with_reason(live):
     run = live(orders=Operator())
     assert run.order("dance", {}) == (400, '{"accepted":false,"message":"there is no order \'dance\'"}')
 
@@ -259,9 +259,7 @@ def test_what_is_wrong_with_an_order_is_said(live):
     ("is_sent", "status", "said"),
     [(False, 503, "The command was not sent"), (True, 504, "the command was sent, but has no response yet")],
 )
-def test_of_an_order_without_an_answer_it_is_said_whether_it_was_given(
-    live, monkeypatch, is_sent, status, said
-):
+def test_timeout_response_states_if_command_was_sent(live, monkeypatch, is_sent, status, said):
     monkeypatch.setattr(page_server, "_COMMAND_SEC", 0.01)
     order: Future[tuple[bool, str]] = Future()
     if is_sent:
@@ -276,37 +274,37 @@ def test_of_an_order_without_an_answer_it_is_said_whether_it_was_given(
     assert said in text
 
 
-def test_a_page_without_orders_takes_none(live):
+def test_page_without_commands_accepts_none(live):
     run = live()
     assert run.order("pause", {})[0] == 404
     assert "#" not in run.server.url
 
 
-def test_a_late_browser_is_told_what_has_happened_and_then_the_news(live):
+def test_late_browser_receives_past_state_and_later_changes(live):
     run = live().begin()
     run.journal.record_event("point_reached", point="north")
     run.status(1, "RUNNING", "3 m left")
-    early = events(run, lambda found: known(found).get("states"))
+    early = events(run, lambda found: page_state(found).get("states"))
     run.status(1, "RUNNING", "2 m left")
-    late = events(run, lambda found: "2 m left" in known(found).get("states", {}).get("1", ()))
+    late = events(run, lambda found: "2 m left" in page_state(found).get("states", {}).get("1", ()))
     assert [name for name, _ in early][:2] == ["hello", "changes"]
     assert early[0][1]["mode"] == "live"
-    assert lines(late) == ["The run began.", "reached north"]
-    assert known(late)["landmarks"]["point/north"]["state"] == "visited"
+    assert log_lines(late) == ["The run began.", "reached north"]
+    assert page_state(late)["landmarks"]["point/north"]["state"] == "visited"
 
 
-def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatch):
+def test_browser_that_does_not_read_is_disconnected_and_can_return(live, monkeypatch):
     monkeypatch.setattr(feed_module, "_MAX_WAITING", 100_000)
     run = live().begin()
     with socket.create_connection(("127.0.0.1", run.server.port)) as mute:
         mute.sendall(b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         with closing(mute.makefile("rb")) as read:
-            # By its first event it is listened to; its headers come before.
+            # The listener is registered when the first event arrives, after the headers.
             assert any(line.startswith(b"event: hello") for line in read)
         news, numbers = News(), iter(range(400))
 
         def is_let_go():
-            # One plan after the other: of those that come between two tellings only the last is told.
+            # One plan at a time, because only the last plan between two transmissions is sent.
             if not run.feed._queue and (number := next(numbers, None)) is not None:
                 run.journal.record_observation("plan", frame="map", points=[[number, 0.0]] * 20_000)
                 news.tell()
@@ -315,15 +313,15 @@ def test_a_browser_that_does_not_read_is_let_go_and_comes_again(live, monkeypatc
         with news:
             news.wait_until(is_let_go, lambda: "nobody was let go")
         run.journal.record_observation("plan", frame="map", points=[[399, 0.0]])
-        told = events(run, lambda found: [399.0, 0.0] in known(found).get("plan", ()))
-    assert lines(told) == ["The run began."]
+        told = events(run, lambda found: [399.0, 0.0] in page_state(found).get("plan", ()))
+    assert log_lines(told) == ["The run began."]
 
 
-def test_the_page_listens_on_this_machine_alone(live):
+def test_server_listens_only_on_localhost(live):
     assert listening_addresses(live().begin().server.port) == {"127.0.0.1"}
 
 
-def test_connections_take_few_of_the_file_descriptors_of_the_mission(live):
+def test_number_of_connections_is_limited(live):
     run = live().begin()
     with ExitStack() as stack, selectors.DefaultSelector() as let_go:
         for _ in range(48):
@@ -335,10 +333,10 @@ def test_connections_take_few_of_the_file_descriptors_of_the_mission(live):
         assert let_go.select(timeout=0.0) == []
 
 
-def test_who_does_not_come_to_the_end_of_a_request_is_let_go_and_who_listens_is_not(live, monkeypatch):
+def test_slow_request_is_closed_and_listener_is_kept(live, monkeypatch):
     monkeypatch.setattr(page_server, "_REQUEST_SEC", 0.2)
     run = live().begin()
-    listener = next(filter(None, (listening(run) for _ in range(100))))
+    listener = next(filter(None, (open_listener(run) for _ in range(100))))
     with ExitStack() as stack:
         slow = [
             stack.enter_context(socket.create_connection(("127.0.0.1", run.server.port), timeout=SILENCE_SEC))
@@ -357,8 +355,8 @@ def test_who_does_not_come_to_the_end_of_a_request_is_let_go_and_who_listens_is_
     listener.close()
 
 
-def listening(run):
-    """Return what listens to a page; None if this process was too slow to ask."""
+def open_listener(run):
+    """Return an open event stream of a page, or None if the request was too slow."""
     with suppress(OSError):
         answer = urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=SILENCE_SEC)
         if answer.readline() == b"event: hello\n":
@@ -367,7 +365,7 @@ def listening(run):
 
 
 def has_ended(connection):
-    """Send a byte more, and return whether the other side has ended the connection."""
+    """Send one more byte; return whether the server has closed the connection."""
     try:
         connection.sendall(b"x")
         return connection.recv(1) == b""
@@ -377,7 +375,7 @@ def has_ended(connection):
         return True
 
 
-def test_the_end_of_a_run_is_told_before_the_server_goes(live):
+def test_end_of_run_is_sent_before_server_closes(live):
     run = live().begin()
     answer = urllib.request.urlopen(f"http://127.0.0.1:{run.server.port}/events", timeout=SILENCE_SEC)
     assert answer.readline() == b"event: hello\n"
@@ -388,42 +386,42 @@ def test_the_end_of_a_run_is_told_before_the_server_goes(live):
     assert rest.endswith("event: bye\ndata: {}\n\n")
 
 
-def test_numbers_that_are_none_are_told_as_null(live):
+def test_non_finite_numbers_are_sent_as_null(live):
     run = live().begin()
     run.journal.record_observation("map", png="", x=float("nan"), y=float("inf"), yaw=[1.0, float("-inf")])
-    told = events(run, lambda found: known(found).get("map"))
-    assert known(told)["map"] == {"png": "", "x": None, "y": None, "yaw": [1.0, None]}
+    told = events(run, lambda found: page_state(found).get("map"))
+    assert page_state(told)["map"] == {"png": "", "x": None, "y": None, "yaw": [1.0, None]}
 
 
-def circle():
+def circular_list():
     found: list[Any] = []
     found.append(found)
     return found
 
 
-@pytest.mark.parametrize("value", [{1, 2}, {("a", "b"): 1}, circle(), object()])
-def test_an_entry_that_is_no_json_is_not_the_end_of_the_page(live, value):
+@pytest.mark.parametrize("value", [{1, 2}, {("a", "b"): 1}, circular_list(), object()])
+def test_entry_that_is_not_json_does_not_break_page(live, value):
     run = live().begin()
     run.feed.add_entry(JournalEntry(9, 1, 0.0, 0.0, "odd", {"value": value}))
     run.journal.record_event("docked")
-    began, odd, docked = lines(events(run, lambda found: "docked" in lines(found)))
+    began, odd, docked = log_lines(events(run, lambda found: "docked" in log_lines(found)))
     assert (began, docked) == ("The run began.", "docked")
     assert odd.startswith("unreadable: kind: odd, reason: ")
 
 
 @pytest.mark.parametrize("query", ["", "?time=", "?time=x", "?time=nan", "?time=1&since=x", "?since=1"])
-def test_a_moment_has_a_time(query):
+def test_invalid_replay_request_is_rejected(query):
     with closing(PageServer(ReplayFeed(Replay([]), {}), 0)) as server:
         server.start()
         with pytest.raises(urllib.error.HTTPError, match="400"):
             urllib.request.urlopen(f"http://127.0.0.1:{server.port}/moment{query}", timeout=SILENCE_SEC)
 
 
-def test_a_live_run_has_no_other_moment_than_now(live):
+def test_live_run_has_no_replay_requests(live):
     assert live().ask("/moment?time=1")[0] == 404
 
 
-def test_a_port_that_is_taken_is_named():
+def test_used_port_is_named_in_error():
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
@@ -435,7 +433,7 @@ def test_a_port_that_is_taken_is_named():
             PageServer(ReplayFeed(Replay([]), {}), port)
 
 
-def test_beside_the_usual_port_another_one_is_taken():
+def test_other_port_is_chosen_if_default_is_used():
     with (
         closing(PageServer(ReplayFeed(Replay([]), {}))) as first,
         closing(PageServer(ReplayFeed(Replay([]), {}))) as second,
@@ -444,7 +442,7 @@ def test_beside_the_usual_port_another_one_is_taken():
         assert second.port != PORT
 
 
-def test_what_can_be_ordered_of_a_robot_is_told_once_it_is_known(live):
+def test_commands_are_sent_once_they_are_known(live):
     run = live().begin()
     verb = {"name": "pause", "label": "Pause"}
     run.feed.offer([verb])
@@ -459,7 +457,7 @@ def test_what_can_be_ordered_of_a_robot_is_told_once_it_is_known(live):
 
 
 @pytest.mark.parametrize("seen", ["", "zone_a", "[]", '{"object": 1}'])
-def test_an_order_that_does_not_state_what_its_sender_saw_is_refused(live, seen):
+def test_command_without_displayed_state_is_refused(live, seen):
     operator = Operator()
     status, text = live(orders=operator).order("pause", {}, **{"X-Seen": seen})
     assert status == 400

@@ -1,4 +1,4 @@
-"""The state that a page is sent, and its changes."""
+"""Tests of the state that is sent to a page, and of its changes."""
 
 import json
 import random
@@ -19,8 +19,8 @@ from tests.web.conftest import ABOUT, KINDS, Patrol
 from tests.web.folding import folded, happen, history, plain
 
 
-def run_of(*told):
-    """Return the state of a run, begun and told of entries as pairs of a kind and values, and these again."""
+def state_after(*told):
+    """Return the page state of a started run after entries, given as pairs of kind and data."""
     state = PageState()
     begun = ("run_began", {**ABOUT, "run": {"node": "/patrol"}})
     for number, (kind, data) in enumerate((begun, *told), 1):
@@ -30,7 +30,7 @@ def run_of(*told):
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("seed", range(rounds(15)))
-def test_who_was_told_all_changes_knows_what_one_knows_who_comes_late(seed):
+def test_all_changes_add_up_to_full_state(seed):
     chance, state = random.Random(seed), PageState()  # noqa: S311
     known: dict[str, Any] = {}
     for entry in history(seed, 120):
@@ -41,7 +41,7 @@ def test_who_was_told_all_changes_knows_what_one_knows_who_comes_late(seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_who_comes_between_two_changes_knows_the_same_after_the_next(seed):
+def test_full_state_between_changes_is_updated_by_next_change(seed):
     state, late = PageState(), {}
     for number, entry in enumerate(history(seed, 60)):
         state.apply(entry)
@@ -53,7 +53,7 @@ def test_who_comes_between_two_changes_knows_the_same_after_the_next(seed):
 
 @pytest.mark.unmeasured
 @pytest.mark.parametrize("part", range(4))
-def test_at_every_moment_page_and_report_show_what_the_mission_itself_says(part):
+def test_page_and_report_always_agree_with_display_of_mission(part):
     for seed in range(part, rounds(150), 4):
         mission, page, state = Patrol(), PageState(), MissionState()
         chance, journal = random.Random(seed), Journal()  # noqa: S311
@@ -89,12 +89,12 @@ def test_at_every_moment_page_and_report_show_what_the_mission_itself_says(part)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_page_shows_what_the_mission_s_state_is(seed):
+def test_page_state_agrees_with_mission_state(seed):
     entries = history(seed, 80)
     state = PageState()
     for entry in entries:
         state.apply(entry)
-    # Of a journal in which another mission has begun, the last one.
+    # If another mission has begun in the journal, only the last one counts.
     begun = max(number for number, entry in enumerate(entries) if entry.kind == "run_began")
     mission = MissionState.from_stream(entries if entries[begun].run == 2 else entries[begun:])
     shown = json.loads(json.dumps(state.full_state()))
@@ -142,14 +142,14 @@ def test_a_page_shows_what_the_mission_s_state_is(seed):
     assert facts == [fact.text for fact in mission.facts]
 
 
-def test_nothing_is_told_of_nothing():
-    state = run_of()
+def test_no_change_without_entries():
+    state = state_after()
     state.change()
     assert state.change() is None
 
 
-def test_a_change_is_as_large_as_what_has_changed():
-    state = run_of(*(("log", {"node": "", "level": 20, "text": "line"}) for _ in range(500)))
+def test_change_contains_only_changed_parts():
+    state = state_after(*(("log", {"node": "", "level": 20, "text": "line"}) for _ in range(500)))
     state.change()
     state.apply(JournalEntry(9, 1, 0.0, 9.0, "pose", {"x": 1.0, "y": 2.0, "yaw": 0.5}))
     assert state.change() == {
@@ -161,8 +161,8 @@ def test_a_change_is_as_large_as_what_has_changed():
     }
 
 
-def test_a_fact_is_told_as_the_sentence_that_comes_behind_it():
-    state = run_of(("found", {"name": "bag"}))
+def test_event_is_logged_as_its_sentence():
+    state = state_after(("found", {"name": "bag"}))
     state.change()
     state.apply(JournalEntry(9, 1, 0.0, 9.0, "changed", {"said": "a bag was found"}))
     change = state.change()
@@ -170,10 +170,12 @@ def test_a_fact_is_told_as_the_sentence_that_comes_behind_it():
     assert change["log"]["values"] == [[1, 1.0, "fact", "a bag was found"]]
 
 
-def test_a_fact_that_somebody_has_ordered_is_told_with_who_has():
+def test_event_of_command_is_logged_with_author_and_reason():
     said = ("changed", {"said": "the operator: pause", "by": "Ada"})
     told = {"verb": "pause", "label": "Pause", "by": "Ada", "is_told": True}
-    shown = run_of(("command_given", {"command": "pause", "by": "Ada"}), said, ("ordered", told)).full_state()
+    shown = state_after(
+        ("command_given", {"command": "pause", "by": "Ada"}), said, ("ordered", told)
+    ).full_state()
     assert [line[-1] for line in shown["log"]["values"][1:]] == ["Ada: pause"]
     why = {"by": "Ada", "reason": "smoke"}
     entries = (
@@ -181,10 +183,12 @@ def test_a_fact_that_somebody_has_ordered_is_told_with_who_has():
         (said[0], {**said[1], **why}),
         ("ordered", {**told, **why}),
     )
-    assert [line[-1] for line in run_of(*entries).full_state()["log"]["values"][1:]] == ["Ada: pause: smoke"]
+    assert [line[-1] for line in state_after(*entries).full_state()["log"]["values"][1:]] == [
+        "Ada: pause: smoke"
+    ]
 
 
-def test_what_a_node_came_to_is_shown_after_it_was_reset():
+def test_last_outcome_of_node_is_kept_after_reset():
     told = [
         ("status", {"node": 1, "tick": tick, "status": status, "message": message, **said})
         for tick, status, message, said in (
@@ -194,7 +198,7 @@ def test_what_a_node_came_to_is_shown_after_it_was_reset():
             (6, "IDLE", "", {}),
         )
     ]
-    assert run_of(*told).full_state()["states"]["1"][:9] == (
+    assert state_after(*told).full_state()["states"]["1"][:9] == (
         "FAILURE",
         3.0,
         3,
@@ -207,7 +211,7 @@ def test_what_a_node_came_to_is_shown_after_it_was_reset():
     )
 
 
-def test_of_a_long_run_little_is_kept():
+def test_state_of_long_run_is_limited():
     told: list[tuple[str, dict[str, Any]]] = [
         ("pose", {"x": float(number), "y": 0.0, "yaw": 0.0}) for number in range(20_000)
     ]
@@ -216,7 +220,7 @@ def test_of_a_long_run_little_is_kept():
     told += [
         ("log", {"node": "", "level": 20 + number % 2 * 10, "text": str(number)}) for number in range(5_000)
     ]
-    shown = run_of(*told).full_state()
+    shown = state_after(*told).full_state()
     lines = [line[-1] for line in shown["log"]["values"]]
     assert len(lines) <= 2000
     assert lines[-300:] == [str(number) for number in range(4_700, 5_000)]
@@ -225,21 +229,21 @@ def test_of_a_long_run_little_is_kept():
     assert shown["pose"]["x"] == 19_999.0
 
 
-def test_lines_of_one_time_are_shown_in_the_order_in_which_they_came():
+def test_log_lines_with_equal_time_keep_their_order():
     told = [("log", {"node": "", "level": 20, "text": text, "stamp": -1.0}) for text in ("first", "second")]
-    lines = [line[-1] for line in run_of(*told).full_state()["log"]["values"]]
+    lines = [line[-1] for line in state_after(*told).full_state()["log"]["values"]]
     assert [line for line in lines if line in ("first", "second")] == ["first", "second"]
 
 
-def test_facts_outlast_the_lines_of_the_log():
+def test_events_outlast_log_lines():
     told: list[tuple[str, dict[str, Any]]] = [("found", {"name": "first"})]
     told += [("log", {"node": "", "level": 20, "text": str(number)}) for number in range(10_000)]
-    lines = [line[-1] for line in run_of(*told).full_state()["log"]["values"]]
+    lines = [line[-1] for line in state_after(*told).full_state()["log"]["values"]]
     assert lines[:2] == ["The run began.", "found: name: first"]
 
 
-def test_facts_are_kept_over_the_beginning_of_another_run():
-    state = run_of(
+def test_events_are_kept_when_next_run_begins():
+    state = state_after(
         ("found", {"name": "bag"}), ("status", {"node": 0, "tick": 1, "status": "RUNNING", "message": ""})
     )
     state.apply(JournalEntry(9, 2, 0.0, 50.0, "run_began", {**ABOUT, "run": {}}))
@@ -252,8 +256,8 @@ def test_facts_are_kept_over_the_beginning_of_another_run():
     assert (shown["states"], shown["time"]) == ({}, 0.0)
 
 
-def test_a_node_is_told_with_what_the_tree_says_of_it():
-    nodes = run_of().full_state()["nodes"]
+def test_node_has_its_data_from_tree():
+    nodes = state_after().full_state()["nodes"]
     assert [(node["name"], node["parent"]) for node in nodes] == [
         ("Mission", -1),
         ("Drive", 0),
@@ -263,8 +267,8 @@ def test_a_node_is_told_with_what_the_tree_says_of_it():
     assert (nodes[1]["path"], nodes[1]["file"], nodes[1]["line"]) == ("leaves.Drive", "trees/mission.xml", 4)
 
 
-def test_an_entry_of_somebody_else_is_a_fact():
-    journal, state = Journal(), run_of()
+def test_malformed_entry_is_logged_as_event():
+    journal, state = Journal(), state_after()
     journal.add_listener(state.apply)
     journal.record_observation("pose", somewhere=True)
     journal.record_observation("status", node="Drive", tick=1, status="RUNNING", message="")
@@ -278,7 +282,7 @@ def test_an_entry_of_somebody_else_is_a_fact():
     assert (shown["pose"], shown["states"]) == (None, {})
 
 
-def test_a_node_has_how_often_it_has_ended_and_how_long_that_took():
+def test_node_has_counts_of_ends_and_durations():
     journal = Journal()
     journal.clock = clock = ManualClock(100.0)
     state = PageState()
@@ -300,7 +304,7 @@ def test_a_node_has_how_often_it_has_ended_and_how_long_that_took():
     assert (ends, ran, longest) == ((1, 1, 0), 8.0, 6.0)
 
 
-def test_a_node_that_was_reset_has_its_status_anew():
+def test_status_time_restarts_after_reset():
     journal = Journal()
     journal.clock = clock = ManualClock(100.0)
     state = PageState()
@@ -315,8 +319,8 @@ def test_a_node_that_was_reset_has_its_status_anew():
 WATCHED = {"properties": [{"name": name, "if_broken": "tell"} for name in "ab"]}
 
 
-def test_what_is_known_of_a_property_is_told_when_that_changes_and_nothing_else_of_it():
-    state = run_of(("properties_watched", WATCHED))
+def test_change_of_property_contains_only_properties():
+    state = state_after(("properties_watched", WATCHED))
     state.change()
     state.apply(JournalEntry(3, 1, 0.0, 5.0, "properties_owed", {"owed": ["b"]}))
     change = state.change()
@@ -328,8 +332,8 @@ def test_what_is_known_of_a_property_is_told_when_that_changes_and_nothing_else_
     assert change.keys() == {"robot", "time", "properties"}
 
 
-def test_a_broken_property_is_an_event_of_the_log_as_well():
-    state = run_of(("properties_watched", WATCHED))
+def test_violated_property_is_logged():
+    state = state_after(("properties_watched", WATCHED))
     state.change()
     state.apply(JournalEntry(3, 1, 0.0, 5.0, "property_broken", {"property": "a", "event": "Drive aborted"}))
     state.apply(JournalEntry(4, 1, 0.0, 5.0, "changed", {"said": "Property violated: a"}))
@@ -342,17 +346,17 @@ def test_a_broken_property_is_an_event_of_the_log_as_well():
     ]
 
 
-def test_the_reason_of_a_failure_is_forgotten_when_another_run_begins():
-    state = run_of(("properties_watched", WATCHED))
+def test_cause_of_failure_is_cleared_when_next_run_begins():
+    state = state_after(("properties_watched", WATCHED))
     state.set_why({"chain": []})
     assert folded({}, state.full_state())["why"] == {"chain": []}
     state.apply(JournalEntry(9, 2, 0.0, 0.0, "run_began", {**ABOUT, "run": {}}))
     assert folded({}, state.full_state())["why"] is None
 
 
-def test_a_run_whose_end_is_told_twice_ends_once_in_the_log():
+def test_end_of_run_recorded_twice_is_logged_once():
     end = {"ending": "failed", "status": 1, "reason": "Goal failed"}
-    state = run_of(("run_ended", end), ("run_ended", {**end, "reason": "the tree returned FAILURE"}))
+    state = state_after(("run_ended", end), ("run_ended", {**end, "reason": "the tree returned FAILURE"}))
     assert [line[3] for line in state.full_state()["log"]["values"]] == [
         "The run began.",
         "The run ended: Goal failed",

@@ -1,4 +1,4 @@
-"""What engineers can ask of a run on its page, beside what they are told."""
+"""Tests of the tools on the engineer's page: breakpoints, blackboard, other outcomes, report."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ BODY = '<Sequence name="all"><Script name="write" code="goal := 3"/><AlwaysSucce
 
 
 class Engine:
-    """What ticks a tree, and can be held."""
+    """Ticks a tree with breakpoints."""
 
     def __init__(self, root):
         self._live = LiveTree(root)
@@ -35,13 +35,13 @@ class Engine:
         self.woken += 1
 
     def tick(self):
-        """Return a tick, which yields where it is held."""
+        """Return a tick as an iterator that yields when it is paused."""
         return tick_with_breakpoints(self._live, self._breakpoints, [])
 
 
 @pytest.fixture
 def run(tmp_path):
-    """Return the tools of a run with what ticks its tree, and what breakpoints have said."""
+    """Return the tools of a run, its engine, and the messages of its breakpoints."""
     path = tmp_path / "tree.xml"
     path.write_text(document(BODY), encoding="utf-8")
     tree = compile_for_test(path)
@@ -56,7 +56,7 @@ def ask(tools, tool, **values):
     return tools.tools[tool].ask(values)
 
 
-def test_a_breakpoint_holds_the_tree_before_its_node_until_somebody_goes_on(run):
+def test_breakpoint_pauses_tree_before_its_node_until_resumed(run):
     tools, engine, said = run
     assert ask(tools, "breakpoints", node=2, is_set=True) == {"nodes": [2], "held": None}
     tick = engine.tick()
@@ -72,7 +72,7 @@ def test_a_breakpoint_holds_the_tree_before_its_node_until_somebody_goes_on(run)
     assert engine.woken == 1
 
 
-def test_a_breakpoint_that_is_taken_away_holds_nothing(run):
+def test_removing_breakpoint_lets_tick_finish(run):
     tools, engine, _ = run
     ask(tools, "breakpoints", node=1, is_set=True)
     tick = engine.tick()
@@ -81,7 +81,7 @@ def test_a_breakpoint_that_is_taken_away_holds_nothing(run):
     assert [*tick] == []
 
 
-def test_nobody_is_held_once_nobody_looks(run):
+def test_paused_tree_is_released_when_page_is_abandoned(run):
     tools, engine, _ = run
     ask(tools, "breakpoints", node=1, is_set=True)
     tick = engine.tick()
@@ -95,19 +95,19 @@ def test_nobody_is_held_once_nobody_looks(run):
 
 
 @pytest.mark.parametrize("node", [3, -1, "1", None])
-def test_what_is_no_node_is_not_held(run, node):
+def test_breakpoint_at_unknown_node_is_rejected(run, node):
     with pytest.raises(ToolError, match="no node"):
         ask(run[0], "breakpoints", node=node, is_set=True)
 
 
-def test_an_engine_that_cannot_hold_a_tree_is_named(run):
+def test_engine_without_breakpoints_is_reported(run):
     tools, _, _ = run
     tools._use_breakpoints = None
     with pytest.raises(ToolError, match=r"this engine cannot pause a tree within a tick\. Omit --engine"):
         ask(tools, "breakpoints", node=1, is_set=True)
 
 
-def test_the_blackboard_has_each_scope_with_its_entries(run):
+def test_blackboard_has_entries_by_scope(run):
     tools, engine, _ = run
     engine.use_breakpoints(tools._breakpoints)
     assert [*engine.tick()] == []
@@ -116,7 +116,7 @@ def test_the_blackboard_has_each_scope_with_its_entries(run):
     ]
 
 
-def test_who_may_only_look_takes_no_time_from_a_run(run):
+def test_only_entries_tool_is_free(run):
     tools, _, _ = run
     assert {name: tool.is_free for name, tool in tools.tools.items()} == {
         "entries": True,
@@ -125,14 +125,14 @@ def test_who_may_only_look_takes_no_time_from_a_run(run):
     }
 
 
-def test_before_there_is_a_tree_nothing_can_be_asked():
+def test_tools_require_a_tree():
     tools = LiveTools(lambda *_: None)
     for tool in ("entries", "breakpoints"):
         with pytest.raises(ToolError, match="not built yet"):
             ask(tools, tool)
 
 
-def test_a_journal_is_asked_what_another_answer_would_have_led_to(tmp_path):
+def test_journal_tool_shows_consequence_of_other_outcome(tmp_path):
     path, place = tmp_path / "tree.xml", tmp_path / "a.journal"
     path.write_text(
         document('<Sequence name="all"><ZonesRemaining/><NavigateToBase/></Sequence>'), encoding="utf-8"
@@ -146,7 +146,7 @@ def test_a_journal_is_asked_what_another_answer_would_have_led_to(tmp_path):
     assert {"instead": {"status": "SUCCESS", "label": "arrived"}, "then": [], "root": "SUCCESS"} in found
 
 
-def test_of_a_run_that_was_held_longer_than_proofs_assume_it_can_be_asked_as_well(tmp_path):
+def test_consequence_is_available_for_run_paused_longer_than_assumed(tmp_path):
     path, place = tmp_path / "tree.xml", tmp_path / "a.journal"
     held = "<ReactiveFallback><NotHeld/><Running/></ReactiveFallback>"
     path.write_text(
@@ -166,7 +166,7 @@ def test_of_a_run_that_was_held_longer_than_proofs_assume_it_can_be_asked_as_wel
 
 
 def journal_of_one_leaf(folder):
-    """Fly a tree of one leaf; return the file of its journal."""
+    """Run a tree of one leaf; return the path of its journal."""
     place = folder / "a.journal"
     path = folder / "tree.xml"
     path.write_text(document("<ZonesRemaining/>"), encoding="utf-8")
@@ -176,7 +176,7 @@ def journal_of_one_leaf(folder):
     return place
 
 
-def test_a_journal_has_a_report_on_its_page(tmp_path):
+def test_journal_tool_provides_report(tmp_path):
     place = journal_of_one_leaf(tmp_path)
     report = journal_tools([place])["report"]
     assert "<h2>What to do next</h2>" in str(report.ask({"robot": 0}))
@@ -188,7 +188,7 @@ def test_a_journal_has_a_report_on_its_page(tmp_path):
 
 
 @pytest.mark.parametrize("wrong", [{"robot": 1}, {"robot": -1}, {"run": 2}, {"node": 3}])
-def test_what_is_not_in_a_journal_cannot_be_asked(tmp_path, wrong):
+def test_request_for_unknown_item_of_journal_is_rejected(tmp_path, wrong):
     place = journal_of_one_leaf(tmp_path)
     with pytest.raises(ToolError, match="no such"):
         journal_tools([place])["otherwise"].ask({"robot": 0, "run": 1, "node": 0, "tick": 1, **wrong})

@@ -1,4 +1,4 @@
-"""What eyes find on maps and on paper, in a real browser: labels that nothing hides, and sheets that nothing is cut from."""
+"""Tests of the layout of maps and printed reports in a real browser: no hidden labels, and nothing cut off."""
 
 import pytest
 
@@ -10,25 +10,25 @@ from tests.web.staged import show, staged
 
 pytestmark = pytest.mark.unmeasured
 
-AROUND = ((0.5, 0.2), (-0.5, 0.2), (0.2, -0.6), (0.2, 0.6))
-"""Where finds are, from a point: where its name could stand. Metres."""
+OFFSETS = ((0.5, 0.2), (-0.5, 0.2), (0.2, -0.6), (0.2, 0.6))
+"""Offsets of detections from a point, at positions of its label, in metres."""
 
 
 def find_around(journal):
-    """Find somebody around each of the two points, on another side of it each time."""
-    places = [(-3.0 + AROUND[0][0], 3.0 + AROUND[0][1]), (3.5 + AROUND[1][0], 3.0 + AROUND[1][1])]
+    """Record a detection near each of the two points, on different sides."""
+    places = [(-3.0 + OFFSETS[0][0], 3.0 + OFFSETS[0][1]), (3.5 + OFFSETS[1][0], 3.0 + OFFSETS[1][1])]
     for number, (x, y) in enumerate(places, 1):
         journal.record_event("found", name=f"find_{number}", x=x, y=y)
 
 
-HIDDEN = """
+HIDDEN_LABELS = """
 const boxes = (selector) => [...document.querySelectorAll(selector)].map((each) => [each.textContent, each.getBoundingClientRect()]);
 const share = (a, b) => Math.max(0, Math.min(a.right, b.right) - Math.max(a.left, b.left)) * Math.max(0, Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top));
 const labels = boxes(`${arguments[0]} .label:not(.scale, .said)`);
 const others = [...labels, ...boxes(`${arguments[0]} .mark > path`)];
 return labels.flatMap(([text, box]) => others.filter(([, other]) => other !== box && share(box, other) > 4).map(([other]) => [text, other]));
 """
-"""The labels of which more than 4 square pixels share their place with a mark or with another label."""
+"""The labels that overlap a mark or another label by more than 4 square pixels."""
 
 
 def find_around_and_end(journal):
@@ -36,22 +36,22 @@ def find_around_and_end(journal):
     journal.end_run(Ending.OVER, 0)
 
 
-def test_no_label_of_a_report_is_hidden(browser):
+def test_labels_of_report_map_do_not_overlap(browser):
     browser.driver.get(as_address(patrol_report(find_around_and_end)))
-    assert browser.js(HIDDEN, ".map") == []
+    assert browser.js(HIDDEN_LABELS, ".map") == []
 
 
 @pytest.mark.parametrize("width", [400, 1600])
-def test_no_label_of_the_page_is_hidden(live, browser, width):
+def test_labels_of_page_map_do_not_overlap(live, browser, width):
     run = live().begin()
     find_around(run.journal)
     browser.size(width, 800)
     browser.open(run.server.url)
     browser.wait_for("#map", "find_2")
-    assert browser.js(HIDDEN, "#map") == []
+    assert browser.js(HIDDEN_LABELS, "#map") == []
 
 
-NEARER = """
+MISPLACED_LABELS = """
 const centre = (box) => [(box.left + box.right) / 2, (box.top + box.bottom) / 2];
 const marks = [...document.querySelectorAll('#map .mark')].map((each) => [each.querySelector('title').textContent.split(':')[0], centre(each.querySelector('path').getBoundingClientRect())]);
 const labels = [...document.querySelectorAll('#map .label')].map((each) => [each.textContent, each.getBoundingClientRect(), each.previousElementSibling?.matches('.leader')]);
@@ -59,11 +59,11 @@ const away = (box, [x, y]) => Math.hypot(Math.max(box.left - x, 0, x - box.right
 const least = (values) => Math.min(...values);
 return labels.filter(([name, box, isLed]) => !isLed && least(marks.filter(([each]) => each === name).map(([, at]) => away(box, at))) > 2 + least(marks.map(([, at]) => away(box, at)))).map(([name]) => name);
 """
-"""The labels without a line to their mark that lie nearer to another one."""
+"""The labels without a line to their mark that are nearer to another mark."""
 
 
 @pytest.mark.parametrize("width", [400, 1600])
-def test_a_label_lies_nearest_to_its_own_mark_or_is_connected_to_it(live, browser, width):
+def test_label_is_nearest_to_its_mark_or_has_leader(live, browser, width):
     run = live().begin()
     for number in range(9):
         x, y = -1.0 + 0.7 * (number % 3), 1.0 + 0.7 * (number // 3)
@@ -71,11 +71,11 @@ def test_a_label_lies_nearest_to_its_own_mark_or_is_connected_to_it(live, browse
     browser.size(width, 800)
     browser.open(run.server.url)
     browser.wait_for("#map", "a point in a crowd 8")
-    assert browser.js(NEARER) == []
+    assert browser.js(MISPLACED_LABELS) == []
     assert browser.js("return document.querySelectorAll('#map .leader').length") > 0
 
 
-COVERED = """
+COVERED_LABELS = """
 const boxes = (selector) => [...document.querySelectorAll(selector)].map((each) => [each.textContent.trim() || each.className, each.getBoundingClientRect()]);
 const floor = document.querySelector('#map image').getBoundingClientRect();
 const at = (column, row) => [floor.left + floor.width * column / 32, floor.top + floor.height * row / 32];
@@ -84,26 +84,26 @@ const above = [['wall', { left, top, right, bottom }], ...boxes('.zoom, .ruler, 
 const meet = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2 && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 2;
 return boxes('#map .label').flatMap(([name, box]) => above.filter(([, other]) => meet(box, other)).map(([what]) => [name, what]));
 """
-"""The labels on the wall inside the hall of `tests.web.staged`, or below a button or a sign of the map."""
+"""The labels on the wall inside the hall of `tests.web.staged`, or below a button or a symbol of the map."""
 
 
 @pytest.mark.parametrize("width", [360, 1280])
-def test_no_label_lies_on_a_wall_or_below_a_button(browser, width):
+def test_no_label_is_on_wall_or_below_button(browser, width):
     with staged("complete, not reviewed") as server:
         show(browser, server, "complete, not reviewed", width)
         browser.wait_for("#map", "survivor_1")
-        browser.wait(lambda: browser.js(COVERED) == [], "a map whose labels nothing covers")
+        browser.wait(lambda: browser.js(COVERED_LABELS) == [], "a map whose labels nothing covers")
 
 
 A4 = (688, 1001)
-"""What is within the margins of a sheet, pixels: 182 by 265 mm."""
-MOST_SHEETS = 2
-"""So many sheets are for who coordinates."""
+"""The area within the margins of a sheet in pixels (182 mm by 265 mm)."""
+MAX_SHEETS = 2
+"""The maximum number of sheets for the coordinator."""
 
 
 @pytest.fixture
-def large():
-    """The report of a search with coordinates of the world, six survivors, three zones, and alarms that somebody has to see."""
+def large_report():
+    """Return the report of a search with world coordinates, six survivors, three zones and three alarms."""
     named = [
         ("survivor_named", {"survivor": f"survivor_{number}", "x": 10.0 * number, "y": 1.0, "possibly": None})
         for number in range(2, 7)
@@ -112,21 +112,21 @@ def large():
     return as_address(html_report(mission(*named, CONFIRMED, *alarms, ("zone_visited", {"zone": "zone_c"}))))
 
 
-def test_what_a_coordinator_reads_is_on_two_sheets(browser, large):
-    browser.driver.get(large)
-    assert 1 <= browser.pdf().count(b"/Type /Page\n") <= MOST_SHEETS
+def test_printed_report_has_at_most_two_sheets(browser, large_report):
+    browser.driver.get(large_report)
+    assert 1 <= browser.pdf().count(b"/Type /Page\n") <= MAX_SHEETS
 
 
-CUT = """
+CUT_ELEMENTS = """
 const edge = document.documentElement.clientWidth;
 const cut = (each) => each.getBoundingClientRect().right > edge + 1 || (each.scrollWidth > each.clientWidth + 1 && each.clientWidth && getComputedStyle(each).display !== 'inline');
 return [...document.querySelectorAll('main *:not(svg *)')].filter(cut).map((each) => each.outerHTML.slice(0, 200));
 """
-"""What goes beyond the right margin, or is wider than what it stands in."""
+"""The elements that exceed the right margin, or whose content is wider than they are."""
 
 
-def test_nothing_of_a_sheet_is_cut_at_its_right_margin(browser, large):
+def test_printed_report_is_not_cut_at_right_margin(browser, large_report):
     browser.size(*A4, media="print")
-    browser.driver.get(large)
+    browser.driver.get(large_report)
     assert browser.js("return matchMedia('print').matches")
-    assert browser.js(CUT) == []
+    assert browser.js(CUT_ELEMENTS) == []

@@ -1,4 +1,4 @@
-"""What the operator's page shows in each condition of a search, on a phone and on a desk."""
+"""Tests of the operator's page in each condition of a search, on a phone and on a desktop."""
 
 import re
 
@@ -11,33 +11,33 @@ pytestmark = pytest.mark.unmeasured
 FORBIDDEN = re.compile(
     r"\b(SUCCESS|FAILURE|RUNNING|NotHeld|NotAborted|NotRecalled|bt_navigator|amcl|transform|navigate_to_pose|error code|status \d|/search_and_rescue/)"
 )
-"""Words of nodes, classes, topics and codes, which an operator does not know."""
+"""Names of nodes, classes and topics, and codes, which an operator does not know."""
 HEIGHTS = """
 const height = (selector) => document.querySelector(selector)?.getBoundingClientRect().height ?? 0;
 return [height('header'), height('#state'), height('#orders .first')];
 """
-STICKING_OUT = "return document.documentElement.scrollWidth - window.innerWidth"
-SIZES = """
+OVERFLOW = "return document.documentElement.scrollWidth - window.innerWidth"
+FONT_SIZES = """
 const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
 const sizes = new Set();
 while (walker.nextNode()) if (walker.currentNode.data.trim() && walker.currentNode.parentElement.checkVisibility()) sizes.add(getComputedStyle(walker.currentNode.parentElement).fontSize);
 return [...sizes];
 """
-MOST_SIZES = 4
-CUT = "return [...document.querySelectorAll('#state, #condition > *')].filter((each) => each.scrollHeight > each.clientHeight + 1 && each.clientHeight).map((each) => each.textContent)"
-"""Texts of the band that are not shown to their ends."""
+MAX_FONT_SIZES = 4
+CUT_TEXTS = "return [...document.querySelectorAll('#state, #condition > *')].filter((each) => each.scrollHeight > each.clientHeight + 1 && each.clientHeight).map((each) => each.textContent)"
+"""The texts of the state band that are cut off."""
 FIRST_TASK = (
     "return document.querySelector('#tasks li > span, #tasks .nothing').getBoundingClientRect().bottom"
 )
-SEEN_FIRST = 200
-"""State, and the text of the first task, are within so many pixels from the top."""
+MAX_FIRST_TASK_BOTTOM = 200
+"""The maximum distance of the end of the first task's text from the top, pixels."""
 BAND, PHONE_SHARE = 64, 0.3
-"""Height of the band on a desk, pixels, and the share of a phone for header, band and STOP."""
+"""Maximum height of the state band on a desktop in pixels, and maximum share of a phone's height for header, band and STOP."""
 
 
 @pytest.mark.parametrize("width", [360, 1280])
 @pytest.mark.parametrize("name", CONDITIONS)
-def test_the_page_says_what_to_do_in_words_of_operators_and_leaves_room_for_the_map(browser, name, width):
+def test_page_shows_tasks_in_operator_terms_and_fits_limits(browser, name, width):
     _, level, task = CONDITIONS[name]
     with staged(name) as server:
         show(browser, server, name, width)
@@ -46,17 +46,17 @@ def test_the_page_says_what_to_do_in_words_of_operators_and_leaves_room_for_the_
         header, band, stop = browser.js(HEIGHTS)
         text = browser.js("return document.body.innerText")
         assert FORBIDDEN.findall(text) == []
-        assert browser.js(STICKING_OUT) <= 0
-        assert len(sizes := browser.js(SIZES)) <= MOST_SIZES, sizes
-        assert browser.js(FIRST_TASK) <= SEEN_FIRST
-        assert browser.js(CUT) == []
+        assert browser.js(OVERFLOW) <= 0
+        assert len(sizes := browser.js(FONT_SIZES)) <= MAX_FONT_SIZES, sizes
+        assert browser.js(FIRST_TASK) <= MAX_FIRST_TASK_BOTTOM
+        assert browser.js(CUT_TEXTS) == []
     if width == 360:
         assert header + band + stop <= PHONE_SHARE * WIDTHS[width]
     else:
         assert band <= BAND
 
 
-SAID = """
+PAGE_TEXTS = """
 const rows = (selector) => [...document.querySelectorAll(selector)];
 const after = (heading) => [...document.querySelectorAll('#places h2')].find((each) => each.textContent.startsWith(heading))?.nextElementSibling;
 return {
@@ -72,7 +72,7 @@ return {
   text: document.body.innerText,
 };
 """
-"""The numbers of a page, and the words that they count."""
+"""The numbers of a page, and the texts that they refer to."""
 BANDS = {
     "driving": ("driving", "", "to zone_b"),
     "detection": ("driving", "1 task", "to zone_b"),
@@ -94,16 +94,16 @@ BANDS = {
     "replay": ("replay: driving", "1 task", "to zone_b"),
     "team": ("robot3: program crashed", "", "at 1:05, on the way to zone_b: the robot may still be driving"),
 }
-"""The large word of each condition, the words beside it, and the beginning of the reason."""
-OLD = {"times": {"last contact": "1:05"}, "gauges": {"last battery": "62 %"}}
+"""The large word of each condition, the text beside it, and the beginning of the reason."""
+NO_CONTACT_TEXTS = {"times": {"last contact": "1:05"}, "gauges": {"last battery": "62 %"}}
 """The numbers of a robot without contact."""
 
 
 @pytest.mark.parametrize("name", CONDITIONS)
-def test_no_two_numbers_of_a_page_contradict_each_other(browser, name):
+def test_numbers_on_page_are_consistent(browser, name):
     with staged(name) as server:
         show(browser, server, name, 1280)
-        said = browser.js(SAID)
+        said = browser.js(PAGE_TEXTS)
     word, beside, reason = said["band"]
     assert (word, re.sub(r"\d:\d\d", "0:00", beside)) == BANDS[name][:2]
     assert reason.startswith(BANDS[name][2])
@@ -111,7 +111,7 @@ def test_no_two_numbers_of_a_page_contradict_each_other(browser, name):
     if found := re.findall(r"(\d) (?:task|alarm)", beside):
         assert sum(map(int, found)) == said["open"]
     (counted,) = re.findall(r"\((\d+)\)", said["title"]) or ["0"]
-    if name != "team":  # its tasks are of all robots, and so is the title
+    if name != "team":  # its tasks and its title cover all robots
         assert int(counted) == said["open"]
     assert (said["level"] in ("good", "quiet")) == (said["open"] == 0)
     for figure, value in said["figures"].items():
@@ -125,7 +125,7 @@ def test_no_two_numbers_of_a_page_contradict_each_other(browser, name):
         assert int(said["figures"]["survivors found"]) == len(said["survivors"])
         assert int(said["figures"]["survivors reported"]) <= len(said["survivors"])
     if name in ("crashed", "lost", "team"):
-        assert {"times": said["times"], "gauges": said["gauges"]} == OLD
+        assert {"times": said["times"], "gauges": said["gauges"]} == NO_CONTACT_TEXTS
     for gauge, value in said["gauges"].items():
         known = {value.removeprefix("▼ ").partition(" ")[0]}
         assert {*re.findall(rf"{gauge}(?: is)?(?: at)? ([\d.]+) %", said["text"])} <= known
@@ -133,7 +133,7 @@ def test_no_two_numbers_of_a_page_contradict_each_other(browser, name):
         assert not re.search(r"\d", said["times"]["to go"])
 
 
-def test_a_detection_is_not_offered_as_a_duplicate_of_itself(browser):
+def test_detection_is_not_offered_as_duplicate_of_itself(browser):
     with staged("detection") as server:
         show(browser, server, "detection", 1280)
         browser.click("#tasks button:not(.link)")

@@ -1,4 +1,4 @@
-"""Orders to missions in other processes, by the services of their nodes."""
+"""Tests of commands to missions in other processes, by the services of their nodes."""
 
 import json
 import socket
@@ -22,8 +22,8 @@ __all__ = ["make_ros", "ros"]
 pytestmark = pytest.mark.ros
 
 
-def began(node="/robot2/mission", mission="search_and_rescue"):
-    """Return the beginning of a run."""
+def run_began(node="/robot2/mission", mission="search_and_rescue"):
+    """Return the entry of the start of a run."""
     parameters = {"zone_order": ["a"], "zones": {"a": {"x": 1.0, "y": 1.0, "yaw": 0.0}}}
     base = {"base_station": {"x": 0.0, "y": 0.0, "yaw": 0.0}}
     run = {"node": node, "parameters": {**parameters, **base}}
@@ -32,7 +32,7 @@ def began(node="/robot2/mission", mission="search_and_rescue"):
 
 @pytest.fixture
 def team(ros, monkeypatch):
-    """Return the orders to two robots, the journal of robot2 in which they are recorded, and what robot2 was asked."""
+    """Return the team commands, the journal entries of robot2, and the commands that robot2 received."""
     from std_srvs.srv import Trigger
 
     monkeypatch.setattr("getpass.getuser", lambda: "ops")
@@ -53,10 +53,10 @@ def team(ros, monkeypatch):
     return TeamCommands(ros.node("watch")), told, asked
 
 
-def test_an_order_goes_to_the_robot_that_it_is_for_whose_journal_says_who_gave_it(ros, team):
+def test_command_reaches_its_robot_and_is_recorded_with_author(ros, team):
     orders, told, asked = team
-    assert [verb.name for verb in orders.add_run(1, began())][:2] == ["pause", "resume"]
-    orders.add_run(0, began("/robot1/mission"))
+    assert [verb.name for verb in orders.add_run(1, run_began())][:2] == ["pause", "resume"]
+    orders.add_run(0, run_began("/robot1/mission"))
     ros.spin_until(lambda: orders.available(1) == ["pause"], "the service of robot2")
     assert orders.available(0) == []
     answer = orders.send("pause", {}, CommandSender("Ada", 1, reason="smoke"))
@@ -69,21 +69,21 @@ def test_an_order_goes_to_the_robot_that_it_is_for_whose_journal_says_who_gave_i
     assert order.data == {"verb": "pause", "label": "Pause", **said, "is_told": False}
 
 
-def test_a_robot_that_takes_no_parameters_takes_orders_all_the_same(ros):
+def test_robot_without_parameter_services_accepts_commands(ros):
     from std_srvs.srv import Trigger
 
     robot = ros.node("mission", namespace="/robot3", start_parameter_services=False)
     robot.create_service(Trigger, "~/pause", lambda _, response: response)
     orders = TeamCommands(ros.node("watch"))
-    orders.add_run(0, began("/robot3/mission"))
+    orders.add_run(0, run_began("/robot3/mission"))
     ros.spin_until(lambda: orders.available(0) == ["pause"], "the service of robot3")
     answer = orders.send("pause", {}, CommandSender("Ada", 0))
     ros.spin_until(answer.done, "the answer")
     assert answer.result() == (False, "")
 
 
-@pytest.mark.parametrize("beginning", [began(mission="of somebody else"), began(node="")])
-def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginning):
+@pytest.mark.parametrize("beginning", [run_began(mission="of somebody else"), run_began(node="")])
+def test_unknown_mission_accepts_no_commands(team, beginning):
     orders, _, _ = team
     assert orders.add_run(0, beginning) == []
     assert orders.available(0) == []
@@ -91,7 +91,7 @@ def test_of_a_mission_that_is_not_known_here_nothing_can_be_ordered(team, beginn
         orders.send("pause", {}, CommandSender("", 0))
 
 
-def test_a_broken_middleware_is_no_reason_for_no_page(monkeypatch):
+def test_broken_middleware_is_reported_and_disables_commands(monkeypatch):
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_of_nobody")
     said: list[str] = []
     with open_team_commands(said.append) as orders:
@@ -99,20 +99,20 @@ def test_a_broken_middleware_is_no_reason_for_no_page(monkeypatch):
     assert "rmw_of_nobody" in said[0]
 
 
-def test_without_ros_there_are_no_orders(monkeypatch):
+def test_commands_are_disabled_without_ros(monkeypatch):
     monkeypatch.setattr("sar_compiler.web.team_commands.find_spec", lambda _: None)
     with open_team_commands(pytest.fail) as orders:
         assert orders is None
 
 
-def test_orders_are_carried_out_while_somebody_watches():
+def test_team_commands_are_available_with_ros():
     with open_team_commands(pytest.fail) as orders:
         assert orders is not None
-        assert [verb.name for verb in orders.add_run(0, began())][:1] == ["pause"]
+        assert [verb.name for verb in orders.add_run(0, run_began())][:1] == ["pause"]
 
 
-def test_no_file_is_read_that_a_journal_names(tmp_path):
-    """It may be anybody's; what the run itself has read of a file is among its parameters."""
+def test_file_named_by_journal_is_not_read(tmp_path):
+    """A journal is untrusted; the run has recorded the content of its files in its parameters."""
     areas = tmp_path / "areas.geojson"
     square = [[0.001, 0.001], [0.002, 0.001], [0.002, 0.002], [0.001, 0.001]]
     area = {"properties": {"name": "secret"}, "geometry": {"type": "Polygon", "coordinates": [square]}}
@@ -121,7 +121,7 @@ def test_no_file_is_read_that_a_journal_names(tmp_path):
     base = {f"base_station.{name}": 0.0 for name in ("x", "y", "yaw")}
     parameters = {**base, **georeference, "areas_file": str(areas)}
     assert [*SearchAndRescue().begin(ParameterReader(parameters)).zones.remaining_zones()]
-    entry = began()
+    entry = run_began()
     run = run_of(entry._replace(data={**entry.data, "run": {"parameters": parameters}}))
     assert isinstance(run, Search)
     assert [*run.zones.remaining_zones()] == []
