@@ -26,7 +26,7 @@ class Effort(NamedTuple):
 
     Attributes:
         rounds: The number of rounds of a short measurement.
-        share: The size of trees, files and journals, as a share of the size in the table; 1 but for a trial.
+        share: The size of trees, files and journals, as a share of the size in the table; below 1 only in a trial.
     """
 
     rounds: int

@@ -25,7 +25,7 @@ from tests.costs import CostOfTests
 _DOMAINS = 100
 
 
-def _take_domain():
+def _reserve_domain():
     """Return a domain that no other test process of this machine uses, and its lock, which ends with the process."""
     for number in range(_DOMAINS):
         # Workers of one run start at different domains, and not at the domain of a process that has just ended.
@@ -43,7 +43,7 @@ def _take_domain():
 
 
 # conftest.py is imported before any import of rclpy. LOCALHOST prevents listening on every interface.
-_domain, _lock = _take_domain()
+_domain, _lock = _reserve_domain()
 os.environ["ROS_DOMAIN_ID"] = str(_domain)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 

@@ -30,7 +30,7 @@ def cpu_now():
     return sum(each.ru_utime + each.ru_stime for each in both)
 
 
-def grown(taken, recorded):
+def find_grown(taken, recorded):
     """Return a line for each test module that takes too long, with its expected time.
 
     Args:
@@ -119,7 +119,7 @@ def save(path):
 
 def main(path: str) -> int:
     """Print the modules that take too long; return the exit status."""
-    lines = grown(by_module(Path(path)), json.loads(RECORD.read_text(encoding="utf-8")))
+    lines = find_grown(by_module(Path(path)), json.loads(RECORD.read_text(encoding="utf-8")))
     for line in lines:
         print(f"costs too much: {line}. If this is intended, run: make test-costs")
     return bool(lines)

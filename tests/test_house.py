@@ -113,7 +113,7 @@ class ModuleFacts:
         self.imports = [*imports_in(nodes)]
         self.names = [*names_given_by(tree, nodes)]
         self.texts = [*texts_in(nodes)]
-        self.calls = {dotted(node.func) for node in nodes if isinstance(node, ast.Call)}
+        self.calls = {source_of_expression(node.func) for node in nodes if isinstance(node, ast.Call)}
         self.computed_lookups = [*computed_lookups(tree)]
         self.fields = {*fields_read(nodes)}
         self.readers = readers_in(path, tree)
@@ -135,7 +135,7 @@ FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 facts_of = functools.cache(ModuleFacts)
 
 
-def dotted(node):
+def source_of_expression(node):
     """Return the source of an expression. Most are dotted names, for which `ast.unparse` would be slow."""
     names, inner = [], node
     while isinstance(inner, ast.Attribute):
@@ -352,13 +352,13 @@ def computed_lookups(tree):
             if isinstance(target, ast.Name)
         }
         for node in nodes:
-            if isinstance(node, ast.Call) and called(node) in LOOKS_UP:
+            if isinstance(node, ast.Call) and called_name(node) in LOOKS_UP:
                 for name in node.args:
                     if is_computed_text(name) or (isinstance(name, ast.Name) and name.id in computed):
                         yield node.lineno
 
 
-def called(node):
+def called_name(node):
     """Return the name of the called function without its object or module."""
     return getattr(node.func, "attr", getattr(node.func, "id", ""))
 
@@ -368,7 +368,7 @@ def is_computed_text(node):
     if isinstance(node, ast.NamedExpr):
         return is_computed_text(node.value)
     if isinstance(node, ast.Call):
-        return called(node) in {"format", "join", "replace"}
+        return called_name(node) in {"format", "join", "replace"}
     if isinstance(node, ast.BinOp):
         return any(
             is_computed_text(side) or (isinstance(side, ast.Constant) and isinstance(side.value, str))
@@ -453,7 +453,7 @@ def fields_read(nodes):
     for node in nodes:
         if isinstance(node, ast.Assign):
             targets = node.targets
-        elif isinstance(node, ast.Call) and called(node).endswith("turn_by"):
+        elif isinstance(node, ast.Call) and called_name(node).endswith("turn_by"):
             targets = node.args[:1]
         else:
             continue
@@ -566,7 +566,7 @@ NAMED_ELSEWHERE = {
         "RosService",
         "RosTopic",
     },
-    "nodes/spec.py": {"Condition"},  # the kind, likewise
+    "nodes/spec.py": {"Condition"},  # the kind, too
     # Those that a log of BehaviorTree.CPP shows as RUNNING only after their child; nothing else depends on it.
     "importing/ticks.py": {
         "PipelineSequence",

@@ -63,14 +63,14 @@ class Popen(_Started):
         asked = json.dumps([[os.fsdecode(word) for word in words], variables, bool(new_session)])
         folder = os.open(cwd or os.curdir, os.O_PATH | os.O_DIRECTORY)
         try:
-            self.pid = _forked(asked.encode(), [*ends, folder])
+            self.pid = _fork(asked.encode(), [*ends, folder])
         finally:
             os.close(folder)
         self._child_created = True
         self._close_pipe_fds(*streams)
 
 
-def _forked(asked, descriptors):
+def _fork(asked, descriptors):
     """Fork a command; return its process id, which is that of a child of this process."""
     libc = ctypes.CDLL(None)
     with _begun:
@@ -107,7 +107,7 @@ def import_all():
                 importlib.import_module(module.name)
 
 
-def _tell_tracing_of_forks():
+def _register_lttng_handlers():
     """Register fork handlers of LTTng, which ROS loads. Without them a fork, which lacks LTTng's threads, sometimes crashes at exit."""
     loaded = {line.split()[-1] for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines()}
     signals = ctypes.create_string_buffer(128)  # a sigset_t
@@ -123,7 +123,7 @@ def _tell_tracing_of_forks():
 def _serve(asking):
     """Import all modules and fork for each request; return in each fork with its request."""
     import_all()
-    _tell_tracing_of_forks()
+    _register_lttng_handlers()
     gc.freeze()
     while True:
         asked, descriptors, _, _ = socket.recv_fds(asking, _MOST_BYTES, 4)

@@ -382,7 +382,7 @@ class TestApprovedParameters:
 
 class TestApprovedProperties:
     @pytest.fixture(autouse=True)
-    def looking(self):
+    def tree_and_properties(self):
         write("looking.xml", '<BehaviorTree ID="Main"><DetectSurvivor/></BehaviorTree>')
         Path("p.yaml").write_text(
             "properties: {somebody is there: {never: DetectSurvivor nothing}}\n", encoding="utf-8"

@@ -26,7 +26,7 @@ FIXES = {
 }
 
 
-def fixed(tmp_path, capsys, text, name="tree.xml"):
+def print_fixed(tmp_path, capsys, text, name="tree.xml"):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     status, said, _ = run(capsys, "validate", "--print-fixed", path)
@@ -37,21 +37,21 @@ def fixed(tmp_path, capsys, text, name="tree.xml"):
 @pytest.mark.parametrize("name", FIXES)
 def test_every_suggestion_is_applied_at_all_its_locations(name, tmp_path, capsys):
     wrong, right = FIXES[name]
-    assert fixed(tmp_path, capsys, document(wrong)) == (0, document(right))
+    assert print_fixed(tmp_path, capsys, document(wrong)) == (0, document(right))
 
 
 def test_error_without_suggestion_stays_with_error_status(tmp_path, capsys):
     text = document('<Sequence memroy="true"><Xyzzy/><Success/></Sequence>')
-    assert fixed(tmp_path, capsys, text) == (1, text.replace("memroy", "memory"))
+    assert print_fixed(tmp_path, capsys, text) == (1, text.replace("memroy", "memory"))
 
 
 def test_malformed_xml_is_printed_unchanged(tmp_path, capsys):
-    assert fixed(tmp_path, capsys, "<root") == (1, "<root")
+    assert print_fixed(tmp_path, capsys, "<root") == (1, "<root")
 
 
 def test_yaml_file_is_fixed(tmp_path, capsys):
     text = "root:\n  BTCPP_format: 4\n  children:\n    - BehaviorTree:\n        ID: Main\n        children:\n          - Succes\n"
-    assert fixed(tmp_path, capsys, text, "tree.yaml") == (0, text.replace("Succes", "Success"))
+    assert print_fixed(tmp_path, capsys, text, "tree.yaml") == (0, text.replace("Succes", "Success"))
 
 
 @pytest.mark.parametrize("more", [["other.xml"], ["--fix"]])

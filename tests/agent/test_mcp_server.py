@@ -276,7 +276,7 @@ class TestCallProcess:
     """What the process of a call may read, and its limits."""
 
     @pytest.fixture
-    def limited(self, work):
+    def limited_command(self, work):
         def run_limited(*words, place=work, memory_mib=2048):
             limits = CallLimits((str(place),), "the folder of the agent", memory_mib * 2**20)
             return subprocess.run(
@@ -303,17 +303,17 @@ class TestCallProcess:
         ],
         ids=" ".join,
     )
-    def test_call_reads_nothing_outside_the_folders(self, limited, words, work, tmp_path):
+    def test_call_reads_nothing_outside_the_folders(self, limited_command, words, work, tmp_path):
         (tmp_path / "elsewhere").mkdir()
         (tmp_path / "elsewhere" / "right.xml").write_text(RIGHT, encoding="utf-8")
         (work / "linked").symlink_to(tmp_path / "elsewhere")
-        done = limited(*words)
+        done = limited_command(*words)
         assert done.returncode == 2
         assert "it is outside the folder of the agent" in done.stderr
 
-    def test_call_lists_no_folder_outside_the_folders(self, limited, work, tmp_path):
+    def test_call_lists_no_folder_outside_the_folders(self, limited_command, work, tmp_path):
         (work / "linked").symlink_to(tmp_path)
-        done = limited("validate", "linked")
+        done = limited_command("validate", "linked")
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr == "sar-compile: cannot read linked: it is outside the folder of the agent\n"
 
@@ -335,8 +335,8 @@ class TestCallProcess:
         nice = min(os.nice(0) + 10, 19)
         assert done.stdout == f"{nice} {300 * 2**20} {300 * 2**20} False\n"
 
-    def test_call_over_memory_limit_reports_it_in_one_line(self, limited):
-        done = limited("verify", "search_sweeps", "--set", "zones_left=5", place="/", memory_mib=90)
+    def test_call_over_memory_limit_reports_it_in_one_line(self, limited_command):
+        done = limited_command("verify", "search_sweeps", "--set", "zones_left=5", place="/", memory_mib=90)
         assert (done.returncode, done.stdout) == (2, "")
         assert done.stderr == "sar-compile: there is not enough memory for this command\n"
 

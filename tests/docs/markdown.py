@@ -96,7 +96,7 @@ def prose(page: Path) -> list[tuple[int, str]]:
 
 def links(page: Path) -> list[tuple[int, str]]:
     """Return the targets of a page's links, with their lines."""
-    return [(number, target) for number, line in prose(page) for target in _LINK.findall(_uncoded(line))]
+    return [(number, target) for number, line in prose(page) for target in _LINK.findall(_without_code(line))]
 
 
 def headings(page: Path) -> list[tuple[str, str]]:
@@ -178,7 +178,7 @@ def _simple_commands(line: str) -> list[tuple[tuple[str, ...], set[str]]]:
     return found
 
 
-def _uncoded(line: str) -> str:
+def _without_code(line: str) -> str:
     return re.sub(r"(?<!`)(`+)(?!`).+?(?<!`)\1(?!`)", "", line)
 
 

@@ -89,7 +89,7 @@ def _text(node: "ast.JoinedStr | ast.Constant") -> str:
     return node.value if isinstance(node.value, str) else ""
 
 
-def collected() -> dict[str, list[Text]]:
+def collect_texts() -> dict[str, list[Text]]:
     """Return all texts of the project by their kinds."""
     found: dict[str, list[Text]] = {kind: [] for kind in WORD_CEILINGS}
     for page in (Path("README.md"), *sorted(Path("docs").rglob("*.md"))):
@@ -144,4 +144,4 @@ def excesses(texts: dict[str, list[Text]], shown: str = "") -> list[str]:
 
 
 if __name__ == "__main__":
-    sys.exit("\n".join(excesses(collected(), *sys.argv[1:])) or None)
+    sys.exit("\n".join(excesses(collect_texts(), *sys.argv[1:])) or None)

@@ -130,7 +130,7 @@ def table(parser, prog):
         for action in group._group_actions
     ]
     rows = [
-        f"- **{argument_form(action)}**: {meaning(parser, action)}{links_to_further_pages(' '.join([prog, *action.option_strings[:1]]), '; see')}"
+        f"- **{argument_form(action)}**: {argument_help(parser, action)}{links_to_further_pages(' '.join([prog, *action.option_strings[:1]]), '; see')}"
         for action in arguments(parser)
         if action not in shared
     ]
@@ -165,7 +165,7 @@ def argument_form(action):
     return ", ".join(f"`{f'{name} {value}'.strip()}`" for name in names)
 
 
-def meaning(parser, action):
+def argument_help(parser, action):
     """Return the help of an argument, and the arguments that exclude it."""
     others = [
         f"`{other.option_strings[0]}`"

@@ -100,7 +100,7 @@ def test_integer_has_at_most_100_digits():
         whole.convert("9" * 101)
 
 
-def named(name):
+def text_of_file(name):
     (block,) = [block for block in blocks(PAGE) if block.file == name]
     return block.text
 
@@ -109,7 +109,7 @@ def named(name):
 def example(tmp_path, monkeypatch):
     """Return the registry with the page's leaf, and the page's tree."""
     path = tmp_path / "language_ports.py"
-    path.write_text(named("ports.py"), encoding="utf-8")
+    path.write_text(text_of_file("ports.py"), encoding="utf-8")
     spec = importlib.util.spec_from_file_location("language_ports", path)
     assert spec is not None
     assert spec.loader is not None
@@ -118,7 +118,7 @@ def example(tmp_path, monkeypatch):
     spec.loader.exec_module(module)
     registry = Registry(default_registry().specs())
     registry.add_module(module)
-    return registry, Forest.from_file(parse_xml(named("ports.xml"), "ports.xml"))
+    return registry, Forest.from_file(parse_xml(text_of_file("ports.xml"), "ports.xml"))
 
 
 def test_ports_example_has_no_findings(example):

@@ -154,7 +154,7 @@ BROKEN_ENGINE = "--engine py_trees_ros: py_trees_ros cannot be loaded (…)"
 NO_ENGINE = "--engine py_trees_ros: py_trees_ros is not installed (…)"
 
 
-def explained(heading):
+def explained_messages(heading):
     return {
         message
         for each, _, cells in tables(TROUBLESHOOTING)
@@ -165,13 +165,13 @@ def explained(heading):
 
 def test_explained_usage_errors_match_tested_ones():
     typed = {*USAGE_ERRORS, *SHELL_ERRORS, *JOURNAL_ERRORS, PORT_IN_USE, SECOND_CLOCK}
-    assert explained(USAGE) == typed - SELF_EXPLANATORY
+    assert explained_messages(USAGE) == typed - SELF_EXPLANATORY
     assert typed >= SELF_EXPLANATORY
 
 
 def test_explained_installation_errors_match_tested_ones():
     plain = {message for message in MAKE if "apt install" in message}  # these messages name the remedy
-    assert explained(INSTALLING) == {*MAKE, *MISSING_LIBRARIES, NOT_SHIPPED, NO_ENGINE} - plain
+    assert explained_messages(INSTALLING) == {*MAKE, *MISSING_LIBRARIES, NOT_SHIPPED, NO_ENGINE} - plain
     declared = (
         Path("pyproject.toml").read_text(encoding="utf-8").partition("\n[project.optional-dependencies]\n")[2]
     )

@@ -36,7 +36,7 @@ TREE = """
 """
 
 
-def edited(program):
+def apply_sed(program):
     """Return the property file after one of the page's `sed` commands."""
     found = re.fullmatch(r"s/(.+)/(.*)/", program)
     assert found
@@ -69,13 +69,13 @@ def test_new_goal_property_is_violated_without_assumptions(tmp_path):
 
 def test_new_goal_property_is_proved_with_assumptions_about_current_nav2(tmp_path):
     assert is_proved(tmp_path, FILES["since.yaml"], "nav2:jazzy")
-    assert is_proved(tmp_path, edited("s/IsPathValid/ValidatePath/"), "nav2:main")
+    assert is_proved(tmp_path, apply_sed("s/IsPathValid/ValidatePath/"), "nav2:main")
 
 
 @pytest.mark.parametrize("program", ["s/# planning: //", "s/# timeout: //"])
 def test_remaining_violation_is_found_with_edited_assumption(tmp_path, program):
     assert program in edits()
-    assert not is_proved(tmp_path, edited(program), "nav2:jazzy")
+    assert not is_proved(tmp_path, apply_sed(program), "nav2:jazzy")
 
 
 def test_property_is_violated_if_aborting_planner_keeps_the_path(tmp_path):

@@ -32,7 +32,7 @@ def answers(*questions):
     return asked, states
 
 
-def put(path):
+def put_question(path):
     return "put", {"name": path.name, "text": path.read_text(encoding="utf-8")}
 
 
@@ -41,14 +41,14 @@ def test_each_example_has_no_findings_and_a_complete_proof():
     assert f'"{SHIPPED.name}"' in (BACKEND / "backend.js").read_text(encoding="utf-8")
     for path in EXAMPLES:
         assert f'"{path.name}"' in (BACKEND / "backend.js").read_text(encoding="utf-8")
-        opened, values = put(path), {"text": path.read_text(encoding="utf-8")}
+        opened, values = put_question(path), {"text": path.read_text(encoding="utf-8")}
         (_, looked, proof), _ = answers(opened, ("look", values), ("verify", values))
         assert (looked["findings"], proof["complete"]) == ([], True), path
 
 
 def test_first_example_has_a_counterexample():
     path = BACKEND / "examples/patrol.xml"
-    (_, proof), _ = answers(put(path), ("verify", {"text": path.read_text(encoding="utf-8")}))
+    (_, proof), _ = answers(put_question(path), ("verify", {"text": path.read_text(encoding="utf-8")}))
     assert any(each["run"] and each["loop"] for each in proof["verdicts"])
 
 
@@ -97,7 +97,7 @@ def folder(tmp_path_factory):
 def test_python_in_node_returns_the_same_answers(folder):
     wrong, values = TEXT.replace("<DetectSurvivor/>", "<DetectSurvivr/>"), {"text": TEXT}
     questions: tuple[Any, ...] = (
-        put(SHIPPED), ("open", {}), ("look", values), ("look", {"text": wrong}), ("palette", values), ("verify", values),
+        put_question(SHIPPED), ("open", {}), ("look", values), ("look", {"text": wrong}), ("palette", values), ("verify", values),
         ("play", {**values, "ticks": 9}), ("edit", {**values, "operation": "delete", "arguments": {"element": 5}}),
     )  # fmt: skip
     command = ("node", "tests/docs/site_editor.mjs", folder, json.dumps(questions))

@@ -70,7 +70,7 @@ def site(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def served(site):
+def site_server(site):
     """Serve the site; return its address and the requested paths with the bytes that were sent."""
     sent = []
 
@@ -124,8 +124,8 @@ def results(browser, question):
 
 
 @pytest.mark.parametrize("way", ["served", "folder"])
-def test_search_loads_on_first_use_and_finds_pages(way, site, served, browser):
-    address, sent = served
+def test_search_loads_on_first_use_and_finds_pages(way, site, site_server, browser):
+    address, sent = site_server
     base = address if way == "served" else f"{site.as_uri()}/"
     browser.forget()
     sent.clear()

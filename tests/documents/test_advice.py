@@ -73,7 +73,7 @@ def unit_at(name, path):
     )
 
 
-def found(name, path, text, folder):
+def findings_about(name, path, text, folder):
     """Return the findings about the last key of a path in a file with only this path."""
     if name == "settings":
         value = (
@@ -131,7 +131,7 @@ def test_numbers_in_advice_follow_from_written_numbers(name, tmp_path):
         for (schema, path), _ in PLACES
         if schema == name
         for text in WRITTEN
-        for finding in found(name, path, text, tmp_path)
+        for finding in findings_about(name, path, text, tmp_path)
         for number in numbers_in_advice(finding)
         if not follows(number, text, unit_at(name, path), finding.advice)
     ]
@@ -148,7 +148,7 @@ def test_numbers_in_advice_follow_from_written_numbers(name, tmp_path):
     ],
 )
 def test_number_in_other_notation_or_unit_gets_correct_suggestion(name, path, text, number, tmp_path):
-    about = found(name, path, text, tmp_path)
+    about = findings_about(name, path, text, tmp_path)
     schema = next(each for at, each in properties(SCHEMAS[name], SCHEMAS[name]) if at == path)
     if not about:
         # The property accepts a duration with a unit, or the number is plausible.
@@ -161,7 +161,7 @@ def test_number_in_other_notation_or_unit_gets_correct_suggestion(name, path, te
         assert finding.suggestion or finding.hint
     elif lowest <= number <= highest and not (number <= 0 and "exclusiveMinimum" in schema):
         assert numbers_in_advice(finding) == [pytest.approx(number, rel=1e-4)], finding.render()
-        for each in found(name, path, finding.suggestion or f"{number}", tmp_path):
+        for each in findings_about(name, path, finding.suggestion or f"{number}", tmp_path):
             pytest.fail(each.render())
 
 

@@ -47,7 +47,7 @@ def schema_of(name):
 
 
 @st.composite
-def changed(draw: st.DrawFn, text: str) -> str:
+def changed_text(draw: st.DrawFn, text: str) -> str:
     """Return a text with a few stretches replaced."""
     for _ in range(draw(st.integers(1, 4))):
         start = draw(st.integers(0, len(text)))
@@ -104,7 +104,7 @@ def check_against_schema(name, text):
 @pytest.mark.parametrize("name", SHIPPED)
 @given(data=st.data())
 def test_changed_file_matches_schema_or_has_located_findings(name, data):
-    check_against_schema(name, data.draw(changed(SHIPPED[name].read_text(encoding="utf-8"))))
+    check_against_schema(name, data.draw(changed_text(SHIPPED[name].read_text(encoding="utf-8"))))
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -113,7 +113,7 @@ def test_random_data_matches_schema_or_has_located_findings(name, data):
     check_against_schema(name, yaml.safe_dump(data.draw(plain(name)), allow_unicode=True))
 
 
-@given(text=changed(SHIPPED["properties"].read_text(encoding="utf-8")))
+@given(text=changed_text(SHIPPED["properties"].read_text(encoding="utf-8")))
 def test_changed_property_file_is_read_or_has_located_findings(text):
     try:
         parse_property_file(text).document.raise_findings()
@@ -129,7 +129,7 @@ def folder(tmp_path_factory):
 @given(data=st.data())
 def test_random_world_is_read_or_has_located_findings(folder, data):
     shipped = SHIPPED["world"].read_text(encoding="utf-8")
-    text = data.draw(st.one_of(changed(shipped), plain("world").map(yaml.safe_dump)))
+    text = data.draw(st.one_of(changed_text(shipped), plain("world").map(yaml.safe_dump)))
     path = folder / "world.yaml"
     path.write_bytes(text.encode())
     try:
@@ -145,7 +145,7 @@ def keys_in(value):
         yield from keys_in(inner)
 
 
-@given(text=changed(f"{SETTINGS}[a.b]\nc = {{d = 1, e = '}}'}}\nf.g = [1, [2, ']'], {{h = 3}}]\n"))
+@given(text=changed_text(f"{SETTINGS}[a.b]\nc = {{d = 1, e = '}}'}}\nf.g = [1, [2, ']'], {{h = 3}}]\n"))
 def test_every_toml_key_has_location_of_its_name(folder, text):
     path = folder / "keys.toml"
     path.write_bytes(text.encode())
@@ -158,7 +158,7 @@ def test_every_toml_key_has_location_of_its_name(folder, text):
         assert (next(iter(tomllib.loads(f"{written} = 0"))) if written[0] in "'\"" else written) == key.text
 
 
-@given(text=changed(SETTINGS))
+@given(text=changed_text(SETTINGS))
 def test_changed_settings_match_schema_or_have_located_findings(folder, text):
     path = folder / "sar.toml"
     path.write_bytes(text.encode())

@@ -48,38 +48,38 @@ class Model:
     def __init__(self, root):
         self.root = root
 
-    def at(self, number):
+    def node_at(self, number):
         return nodes_with_parents(self.root)[number]
 
     def move(self, element, parent, index):
-        (node, old), (new, _) = self.at(element), self.at(parent)
+        (node, old), (new, _) = self.node_at(element), self.node_at(parent)
         place = index_of(node, old)
         new[2].insert(index, [*node])
         del old[2][place + (old is new and index <= place)]
 
     def insert(self, parent, index, tag, attributes):
-        self.at(parent)[0][2].insert(index, [tag, dict(attributes), []])
+        self.node_at(parent)[0][2].insert(index, [tag, dict(attributes), []])
 
     def wrap(self, element, tag, attributes, last):
-        node, parent = self.at(element)
-        first, end = index_of(node, parent), index_of(self.at(last)[0], parent) + 1
+        node, parent = self.node_at(element)
+        first, end = index_of(node, parent), index_of(self.node_at(last)[0], parent) + 1
         parent[2][first:end] = [[tag, dict(attributes), parent[2][first:end]]]
 
     def unwrap(self, element):
-        node, parent = self.at(element)
+        node, parent = self.node_at(element)
         place = index_of(node, parent)
         parent[2][place : place + 1] = node[2]
 
     def delete(self, element):
-        node, parent = self.at(element)
+        node, parent = self.node_at(element)
         del parent[2][index_of(node, parent)]
 
     def duplicate(self, element):
-        node, parent = self.at(element)
+        node, parent = self.node_at(element)
         parent[2].insert(index_of(node, parent), node)
 
     def set_attribute(self, element, name, value):
-        node, _ = self.at(element)
+        node, _ = self.node_at(element)
         node[1].pop(name, None) if value is None else node[1].update({name: value})
 
 
@@ -235,17 +235,19 @@ YAML = """root:
 """
 
 
-def edited(text, operation, path="tree.xml", /, **arguments):
+def apply_operation(text, operation, path="tree.xml", /, **arguments):
     return apply_edits(text, edits_of(parse_tree(text, path), operation, **arguments))
 
 
 def test_node_is_moved_with_its_comments_and_nothing_else_changes():
     lines = XML.splitlines(keepends=True)
-    assert edited(XML, "move", element=3, parent=2, index=2) == "".join(
+    assert apply_operation(XML, "move", element=3, parent=2, index=2) == "".join(
         [*lines[:3], *lines[5:10], *lines[3:5], *lines[10:]]
     )
     lines = YAML.splitlines(keepends=True)
-    moved = edited(YAML.replace("{y: '{k}',   z: \"2\"}", ""), "move", "t.yaml", element=3, parent=2, index=2)
+    moved = apply_operation(
+        YAML.replace("{y: '{k}',   z: \"2\"}", ""), "move", "t.yaml", element=3, parent=2, index=2
+    )
     assert moved == "".join([*lines[:8], *lines[12:15], "                - B: \n", *lines[8:12]])
 
 
@@ -258,7 +260,7 @@ def test_node_is_moved_with_its_comments_and_nothing_else_changes():
 )
 def test_bare_tag_at_end_of_file_without_newline_gets_content(operation, arguments, below):
     text = "root:\n  children:\n    - BehaviorTree:\n        children:\n          - A"
-    assert edited(text, operation, "t.yaml", **arguments) == f"{text}:\n              {below}"
+    assert apply_operation(text, operation, "t.yaml", **arguments) == f"{text}:\n              {below}"
 
 
 def test_exchanging_equal_nodes_makes_no_edit():
@@ -267,30 +269,32 @@ def test_exchanging_equal_nodes_makes_no_edit():
 
 
 def test_attribute_change_keeps_quotes_and_layout():
-    assert edited(XML, "set_attribute", element=3, name="x", value="it's") == XML.replace(
+    assert apply_operation(XML, "set_attribute", element=3, name="x", value="it's") == XML.replace(
         "'1'", "'it&apos;s'"
     )
-    assert edited(XML, "set_attribute", element=4, name="q", value="3") == XML.replace(
+    assert apply_operation(XML, "set_attribute", element=4, name="q", value="3") == XML.replace(
         '"2"', '"2"\n         q="3"'
     )
-    assert edited(XML, "set_attribute", element=4, name="z") == XML.replace('\n         z="2"', "")
-    assert edited(YAML, "set_attribute", "t.yaml", element=4, name="z") == YAML.replace(',   z: "2"', "")
-    changed = edited(YAML, "set_attribute", "t.yaml", element=4, name="q", value="a,b")
+    assert apply_operation(XML, "set_attribute", element=4, name="z") == XML.replace('\n         z="2"', "")
+    assert apply_operation(YAML, "set_attribute", "t.yaml", element=4, name="z") == YAML.replace(
+        ',   z: "2"', ""
+    )
+    changed = apply_operation(YAML, "set_attribute", "t.yaml", element=4, name="q", value="a,b")
     assert changed == YAML.replace('"2"', "\"2\", q: 'a,b'")
     in_brackets = YAML[: YAML.index("\n                # about A")] + " [A, B]\n"
-    changed = edited(in_brackets, "set_attribute", "t.yaml", element=3, name="q", value="3")
+    changed = apply_operation(in_brackets, "set_attribute", "t.yaml", element=3, name="q", value="3")
     assert changed == in_brackets.replace("[A,", "[A: {q: 3},")
 
 
 @pytest.mark.parametrize(("text", "path"), [(XML, "t.xml"), (YAML, "t.yaml")])
 def test_extracted_subtree_shares_keys_and_can_be_inlined(text, path):
-    extracted = edited(text, "extract", path, element=4, tree="Part")
+    extracted = apply_operation(text, "extract", path, element=4, tree="Part")
     root = parse_tree(extracted, path).root
     assert root.attributes["main_tree_to_execute"] == "Main"
     call = root.children[0].children[0].children[1]
     assert (call.tag, call.attributes) == ("SubTree", {"ID": "Part", "_autoremap": "true"})
     assert as_lists(root.children[1]) == ["BehaviorTree", {"ID": "Part"}, [["B", {"y": "{k}", "z": "2"}, []]]]
-    inlined = parse_tree(edited(extracted, "inline", path, element=4), path)
+    inlined = parse_tree(apply_operation(extracted, "inline", path, element=4), path)
     assert as_lists(inlined.root.children[0]) == as_lists(parse_tree(text, path).root.children[0])
 
 
@@ -304,7 +308,7 @@ CALL = """<root BTCPP_format="4" main_tree_to_execute="Main">
 
 
 def test_keys_of_inlined_subtree_are_replaced_by_its_ports():
-    inlined = edited(CALL.format('k="{outer}" other="5"'), "inline", element=2)
+    inlined = apply_operation(CALL.format('k="{outer}" other="5"'), "inline", element=2)
     assert '<BehaviorTree ID="Main"><A x="{outer}" y="5"/></BehaviorTree>' in inlined
 
 
@@ -314,7 +318,7 @@ def test_keys_of_inlined_subtree_are_replaced_by_its_ports():
 )
 def test_subtree_whose_meaning_would_change_is_not_inlined(ports, reason):
     with pytest.raises(EditError, match=reason):
-        edited(CALL.format(ports), "inline", element=2)
+        apply_operation(CALL.format(ports), "inline", element=2)
 
 
 @pytest.mark.parametrize(
@@ -336,7 +340,7 @@ def test_subtree_whose_meaning_would_change_is_not_inlined(ports, reason):
 )
 def test_impossible_operation_reports_the_reason(operation, arguments, reason):
     with pytest.raises(EditError, match=re.escape(reason)):
-        edited(XML, operation, **arguments)
+        apply_operation(XML, operation, **arguments)
 
 
 def test_comment_below_deleted_child_does_not_join_text_above():

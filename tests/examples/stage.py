@@ -31,7 +31,7 @@ class Stage:
         self._odometry = self._robot.create_publisher(Odometry, "odometry/filtered", 10)
         self._clock = self._robot.create_publisher(Clock, "/clock", 10)
         self._commands = []
-        self._robot.create_subscription(TwistStamped, "cmd_vel", self._take, 10)
+        self._robot.create_subscription(TwistStamped, "cmd_vel", self._record_command, 10)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._executor.add_node(self._robot)
@@ -42,13 +42,15 @@ class Stage:
             self._leaves[leaf.name] = leaf
         assert self._node.get_clock().clock_type == ClockType.ROS_TIME
         drivers = ("DriveForward", "SpinInPlace")
-        self._until(lambda: self._robot.count_publishers("cmd_vel") == len(drivers), "the leaves' publishers")
-        self._until(
+        self._spin_until(
+            lambda: self._robot.count_publishers("cmd_vel") == len(drivers), "the leaves' publishers"
+        )
+        self._spin_until(
             lambda: self._odometry.get_subscription_count() == len(self._leaves), "the leaves' subscriptions"
         )
         self.clock(100.0)
 
-    def _take(self, message):
+    def _record_command(self, message):
         self._commands.append((message.twist.linear.x, message.twist.angular.z))
 
     def clock(self, seconds):
@@ -57,11 +59,11 @@ class Stage:
         message = Clock()
         message.clock.sec, message.clock.nanosec = divmod(wanted, 10**9)
 
-        def told():
+        def is_received():
             self._clock.publish(message)
             return self._node.get_clock().now().nanoseconds == wanted
 
-        self._until(told, "the time")
+        self._spin_until(is_received, "the time")
 
     def odometry(self, x, y, yaw):
         """Publish the robot's pose, and wait until all leaves have received it."""
@@ -70,27 +72,27 @@ class Stage:
         message.pose.pose.orientation.z = math.sin(yaw / 2)
         message.pose.pose.orientation.w = math.cos(yaw / 2)
 
-        def told():
+        def is_received():
             self._odometry.publish(message)
             return all(leaf.message == message for leaf in self._leaves.values())
 
-        self._until(told, "the odometry")
+        self._spin_until(is_received, "the odometry")
 
     def tick(self, name):
         """Tick a leaf and return the name of its status."""
         self._leaves[name].tick_once()
         return self._leaves[name].status.name
 
-    def leave(self, name):
+    def stop_leaf(self, name):
         """Stop a leaf, as a tree does when it switches to another branch."""
         self._leaves[name].stop(Status.INVALID)
 
     def next_command(self):
         """Return the next velocity command."""
-        self._until(lambda: self._commands, "a command")
+        self._spin_until(lambda: self._commands, "a command")
         return self._commands.pop(0)
 
-    def _until(self, condition, what, timeout_sec=SILENCE_SEC):
+    def _spin_until(self, condition, what, timeout_sec=SILENCE_SEC):
         deadline = time.monotonic() + timeout_sec
         while not condition():
             assert time.monotonic() < deadline, f"{what} did not come"

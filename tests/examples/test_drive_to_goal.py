@@ -131,7 +131,7 @@ class TestWithoutOdometry:
         stage.odometry(x=0.0, y=0.0, yaw=0.0)
         stage.tick("DriveForward")
         assert stage.next_command() == pytest.approx((0.8, 0.0))
-        stage.leave("DriveForward")
+        stage.stop_leaf("DriveForward")
         assert stage.next_command() == (0.0, 0.0)
 
     def test_goal_is_not_reached_without_odometry(self, stage):

@@ -45,14 +45,14 @@ class Bystander(Watcher):
         self.frames = {}
         self.goals = {}
         self.places: dict[str, list[tuple[float, float]]] = {f"/{robot}/tf": [] for robot in ROBOTS}
-        self.told: dict[str, set[tuple[float, float]]] = {robot: set() for robot in ROBOTS}
+        self.initial_poses: dict[str, set[tuple[float, float]]] = {robot: set() for robot in ROBOTS}
         for namespace in ("", *(f"/{robot}" for robot in ROBOTS)):
-            self._hear(TFMessage, f"{namespace}/tf", self._take_frames, 10_000)
-            self._hear(TFMessage, f"{namespace}/tf_static", self._take_frames, LATCHED)
+            self._hear(TFMessage, f"{namespace}/tf", self._record_frames, 10_000)
+            self._hear(TFMessage, f"{namespace}/tf_static", self._record_frames, LATCHED)
             status = f"{namespace}/navigate_to_pose/_action/status"
-            self._hear(GoalStatusArray, status, self._take_goals, LATCHED)
+            self._hear(GoalStatusArray, status, self._record_goals, LATCHED)
         for robot in ROBOTS:
-            self._hear(PoseWithCovarianceStamped, f"/{robot}/initialpose", self._take_told, 10)
+            self._hear(PoseWithCovarianceStamped, f"/{robot}/initialpose", self._record_initial_pose, 10)
         self.watch()
 
     def _hear(self, kind, topic, take, qos):
@@ -63,7 +63,7 @@ class Bystander(Watcher):
 
         self.node.create_subscription(kind, topic, took, qos)
 
-    def _take_frames(self, topic, message):
+    def _record_frames(self, topic, message):
         for transform in message.transforms:
             at = transform.transform.translation
             frames = self.frames.setdefault(topic, {})
@@ -71,14 +71,14 @@ class Bystander(Watcher):
             if transform.child_frame_id == "base_link":
                 self.places[topic].append((at.x, at.y))
 
-    def _take_goals(self, topic, message):
+    def _record_goals(self, topic, message):
         for status in message.status_list:
             goals = self.goals.setdefault(topic.split("/")[1], {})
             goals[bytes(status.goal_info.goal_id.uuid)] = status.status
 
-    def _take_told(self, topic, message):
+    def _record_initial_pose(self, topic, message):
         position = message.pose.pose.position
-        self.told[topic.split("/")[1]].add((position.x, position.y))
+        self.initial_poses[topic.split("/")[1]].add((position.x, position.y))
 
     def wait_until(self, seen, what):
         """Wait until a condition on the received messages holds."""
@@ -176,7 +176,7 @@ def test_each_robot_stays_in_its_half_and_reaches_its_zones(script_run, robot):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_each_localisation_receives_initial_pose_of_its_robot(script_run, robot):
     start = parameters(robot)["initial_pose"]
-    assert script_run.bystander.told[robot] == {(start["x"], start["y"])}
+    assert script_run.bystander.initial_poses[robot] == {(start["x"], start["y"])}
     assert "The initial pose" not in script_run.run.output, "a robot does not stand where it is told"
 
 

@@ -27,7 +27,7 @@ VALUES = (
 )
 
 
-def _fitting(parameter: Parameter):
+def _values_of(parameter: Parameter):
     """Return a strategy for values of a parameter, most of them valid."""
     value_type = parameter.value_type
     if value_type is NO_VALUE or value_type.python is None:
@@ -41,7 +41,7 @@ def _fitting(parameter: Parameter):
 @st.composite
 def _attributes(draw, spec: NodeSpec):
     written = {
-        parameter.name: draw(_fitting(parameter))
+        parameter.name: draw(_values_of(parameter))
         for parameter in spec.attributes
         if draw(st.integers(0, 9)) < (9 if parameter.required else 2)
     }

@@ -28,18 +28,18 @@ NEAR_MISSES = [
 ]
 
 
-def fitting(parameter):
+def valid_text(parameter):
     """Return a valid text for a parameter."""
     if parameter.direction not in (None, Direction.INPUT):
         return "{k}"
     return parameter.value_type.example if parameter.value_type else "x"
 
 
-def required(spec):
-    return {parameter.name: fitting(parameter) for parameter in spec.required_attributes}
+def required_values(spec):
+    return {parameter.name: valid_text(parameter) for parameter in spec.required_attributes}
 
 
-def written(spec, attributes):
+def tree_with_attributes(spec, attributes):
     text = "".join(f" {name}={quoteattr(value)}" for name, value in attributes.items())
     children = '<Success name="child"/>' * spec.child_count[0]
     return document(f"<Sequence><DetectSurvivor/><{spec.tag}{text}>{children}</{spec.tag}></Sequence>")
@@ -62,7 +62,7 @@ def test_one_nearly_right_attribute_is_reported_or_harmless(tag):
         for place, parameter in enumerate(spec.attributes, len(tag)):
             # By default each value is tried in a third of the attributes, in a longer run in all.
             for value in NEAR_MISSES if TIMES > 1 else NEAR_MISSES[place % 3 :: 3]:
-                assert_sound(written(spec, {**required(spec), parameter.name: value}))
+                assert_sound(tree_with_attributes(spec, {**required_values(spec), parameter.name: value}))
 
 
 @st.composite
@@ -70,7 +70,7 @@ def nearly_right(draw):
     spec = draw(st.sampled_from(CONSTRUCTIBLE))
     names = [parameter.name for parameter in spec.attributes if parameter.name != "name"]
     more = st.dictionaries(st.sampled_from(names), st.sampled_from(NEAR_MISSES)) if names else st.just({})
-    return written(spec, {**required(spec), **draw(more)})
+    return tree_with_attributes(spec, {**required_values(spec), **draw(more)})
 
 
 @settings(max_examples=rounds(125))

@@ -40,7 +40,7 @@ CALLS = 3_000_000
 """More calls than any of these files needs."""
 
 
-def mutated(choice, data):
+def mutate(choice, data):
     """Return a changed file. Half of the changes affect only values of attributes."""
     return _other_values(choice, data) if choice.random() < 0.5 else _other_bytes(choice, data)
 
@@ -92,7 +92,7 @@ def answers(seed, count):
     choice = random.Random(seed)  # noqa: S311 - a test that is the same every time
     for _ in range(count):
         suffix, data = choice.choice(SEEDS)
-        data = mutated(choice, data)
+        data = mutate(choice, data)
         try:
             yield answer(suffix, data)
         except Exception as error:
@@ -124,8 +124,8 @@ def test_work_above_bound_is_detected():
 
 def loop_forever():
     while True:
-        nothing()
+        do_nothing()
 
 
-def nothing():
+def do_nothing():
     return None

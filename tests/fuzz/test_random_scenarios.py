@@ -34,7 +34,7 @@ def stage() -> ScenarioStage:
 
 
 @st.composite
-def changed(draw: st.DrawFn) -> str:
+def changed_scenario(draw: st.DrawFn) -> str:
     """Return a shipped scenario with a few stretches replaced."""
     text = draw(st.sampled_from(SCENARIOS))
     for _ in range(draw(st.integers(1, 4))):
@@ -54,7 +54,7 @@ def load_or_findings(
         return None, error.findings
 
 
-@given(changed())
+@given(changed_scenario())
 def test_changed_scenario_runs_or_has_located_findings(stage, text):
     play, findings = load_or_findings(text, stage)
     lines = text.count("\n") + text.count("\r") + 1

@@ -17,7 +17,7 @@ from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from tests.chance import rounds
 from tests.fuzz.random_trees import PARENTS, REGISTRY, tree_texts, wrong_tree_texts
-from tests.fuzz.test_near_misses import required
+from tests.fuzz.test_near_misses import required_values
 
 COMMANDS = [
     *(f"validate a.xml b.xml --format {form}" for form in ("text", "json", "sarif", "github")),
@@ -48,7 +48,7 @@ def trees_of(tag):
     """Return a file with a tree for each combination of up to three known and unknown children of a node."""
     lists = (each for count in range(4) for each in itertools.product(CHILDREN, repeat=count))
     attributes = "".join(
-        f" {name}={quoteattr(text)}" for name, text in required(REGISTRY.variants(tag)[0]).items()
+        f" {name}={quoteattr(text)}" for name, text in required_values(REGISTRY.variants(tag)[0]).items()
     )
     trees = (f"<{tag}{attributes}>{''.join(children)}</{tag}>" for children in lists)
     numbered = (f'<BehaviorTree ID="T{number}">{tree}</BehaviorTree>' for number, tree in enumerate(trees))

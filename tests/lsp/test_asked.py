@@ -36,14 +36,14 @@ def document_id(path):
     return lsp.TextDocumentIdentifier(path.as_uri())
 
 
-def at(path, word, after=0):
+def position_of(path, word, after=0):
     """Return the position of a word in a file."""
     text = path.read_text(encoding="utf-8")
     before = text[: text.index(word) + after]
     return lsp.Position(before.count("\n"), len(before) - before.rfind("\n") - 1)
 
 
-def offered(editor, path, place):
+def completions(editor, path, place):
     answer = editor.ask(
         editor.client.text_document_completion_async(lsp.CompletionParams(document_id(path), place))
     )
@@ -54,7 +54,7 @@ def offered_in(editor, path, before, behind=""):
     """Return the completions after an incomplete text."""
     editor.open(path, before + behind)
     lines = before.split("\n")
-    return offered(editor, path, lsp.Position(len(lines) - 1, len(lines[-1])))
+    return completions(editor, path, lsp.Position(len(lines) - 1, len(lines[-1])))
 
 
 HEAD = '<root BTCPP_format="4">\n<BehaviorTree ID="Main">\n'
@@ -110,14 +110,16 @@ def test_completion_offers_valid_items_in_yaml(typed, wanted, others, editor, tm
 
 def test_completion_offers_trees_of_included_files_and_keys(editor, files):
     main, _ = files
-    assert {"Part", "Main"} <= offered(editor, main, at(main, 'ID="Part"', 4))
-    assert "found" in offered(editor, main, at(main, "{found}", 1))
+    assert {"Part", "Main"} <= completions(editor, main, position_of(main, 'ID="Part"', 4))
+    assert "found" in completions(editor, main, position_of(main, "{found}", 1))
 
 
 def test_hover_shows_ports_and_outcomes_of_node(editor, files):
     main, _ = files
     answer = editor.ask(
-        editor.client.text_document_hover_async(lsp.HoverParams(document_id(main), at(main, "Sleep")))
+        editor.client.text_document_hover_async(
+            lsp.HoverParams(document_id(main), position_of(main, "Sleep"))
+        )
     )
     assert "msec: input" in answer.contents.value
     assert "outcomes: RUNNING, SUCCESS" in answer.contents.value
@@ -128,13 +130,13 @@ def locations(answer, *paths):
     return sorted((names[each.uri], each.range.start.line, each.range.start.character) for each in answer)
 
 
-def defined(editor, path, place):
+def definitions_of(editor, path, place):
     return editor.ask(
         editor.client.text_document_definition_async(lsp.DefinitionParams(document_id(path), place))
     )
 
 
-def used(editor, path, place):
+def references_to(editor, path, place):
     context = lsp.ReferenceContext(include_declaration=True)
     question = lsp.ReferenceParams(context, document_id(path), place)
     return editor.ask(editor.client.text_document_references_async(question))
@@ -142,8 +144,10 @@ def used(editor, path, place):
 
 def test_subtree_leads_to_its_tree_in_included_file(editor, files):
     main, library = files
-    assert locations(defined(editor, main, at(main, 'ID="Part"', 5)), main, library) == [("lib", 1, 18)]
-    assert locations(used(editor, main, at(main, "SubTree")), main, library) == [
+    assert locations(definitions_of(editor, main, position_of(main, 'ID="Part"', 5)), main, library) == [
+        ("lib", 1, 18)
+    ]
+    assert locations(references_to(editor, main, position_of(main, "SubTree")), main, library) == [
         ("lib", 1, 18),
         ("main", 4, 13),
     ]
@@ -151,16 +155,16 @@ def test_subtree_leads_to_its_tree_in_included_file(editor, files):
 
 def test_key_leads_to_its_writers_and_readers(editor, files):
     main, library = files
-    place = at(main, 'msec="{found}', 8)
-    assert locations(defined(editor, main, place), main, library) == [("main", 5, 37)]
-    assert locations(used(editor, main, place), main, library) == [
+    place = position_of(main, 'msec="{found}', 8)
+    assert locations(definitions_of(editor, main, place), main, library) == [("main", 5, 37)]
+    assert locations(references_to(editor, main, place), main, library) == [
         ("main", 4, 24),
         ("main", 5, 37),
         ("main", 6, 14),
     ]
 
 
-def renamed(editor, path, place, name):
+def texts_after_rename(editor, path, place, name):
     """Return the texts of the files after a rename."""
     answer = editor.ask(
         editor.client.text_document_rename_async(lsp.RenameParams(document_id(path), place, name))
@@ -179,14 +183,14 @@ def renamed(editor, path, place, name):
 
 def test_tree_is_renamed_in_all_files(editor, files):
     main, library = files
-    texts = renamed(editor, main, at(main, 'ID="Part"', 5), "Piece")
+    texts = texts_after_rename(editor, main, position_of(main, 'ID="Part"', 5), "Piece")
     assert texts["main"] == main.read_text(encoding="utf-8").replace('"Part"', '"Piece"')
     assert texts["lib"] == library.read_text(encoding="utf-8").replace('"Part"', '"Piece"')
 
 
 def test_key_is_renamed_in_writers_readers_and_remappings(editor, files):
     main, _ = files
-    texts = renamed(editor, main, at(main, "{found}", 2), "seen")
+    texts = texts_after_rename(editor, main, position_of(main, "{found}", 2), "seen")
     assert texts["main"] == main.read_text(encoding="utf-8").replace("found", "seen")
 
 
@@ -197,9 +201,9 @@ def test_key_in_yaml_of_leaf_is_renamed_but_not_field_of_same_name(editor, tmp_p
     publish = '<RosPublish topic="b" type="geometry_msgs/msg/Point" message="x: {y}, y: {x}, z: {x}"/>'
     write(main, '<BehaviorTree ID="Main">', "<Sequence>", topic, publish, "</Sequence>", "</BehaviorTree>")
     editor.open(main)
-    texts = renamed(editor, main, at(main, "{x}", 1), "east")
+    texts = texts_after_rename(editor, main, position_of(main, "{x}", 1), "east")
     assert texts["main"] == main.read_text(encoding="utf-8").replace("{x}", "{east}")
-    texts = renamed(editor, main, at(main, "{ y }", 2), "north")
+    texts = texts_after_rename(editor, main, position_of(main, "{ y }", 2), "north")
     assert texts["main"] == main.read_text(encoding="utf-8").replace("{ y }", "{ north }").replace(
         "{y}", "{north}"
     )
@@ -208,7 +212,7 @@ def test_key_in_yaml_of_leaf_is_renamed_but_not_field_of_same_name(editor, tmp_p
 def test_subtree_port_is_renamed_in_uses_of_the_tree(editor, files):
     main, library = files
     editor.open(library)
-    texts = renamed(editor, library, at(library, "{in}", 2), "way")
+    texts = texts_after_rename(editor, library, position_of(library, "{in}", 2), "way")
     assert texts["lib"] == library.read_text(encoding="utf-8").replace("{in}", "{way}")
     assert texts["main"] == main.read_text(encoding="utf-8").replace(' in="', ' way="')
 
@@ -221,7 +225,7 @@ def name_to_change(editor, path, place):
 
 def test_only_the_name_is_offered_for_renaming(editor, files):
     main, _ = files
-    place = at(main, 'ID="Part"', 5)
+    place = position_of(main, 'ID="Part"', 5)
     offered = name_to_change(editor, main, place)
     start = lsp.Position(place.line, place.character - 1)
     assert offered.placeholder == "Part"
@@ -230,7 +234,7 @@ def test_only_the_name_is_offered_for_renaming(editor, files):
 
 def test_tag_cannot_be_renamed(editor, files):
     main, _ = files
-    assert name_to_change(editor, main, at(main, "<SubTree", 2)) is None
+    assert name_to_change(editor, main, position_of(main, "<SubTree", 2)) is None
 
 
 def test_shared_root_key_is_not_offered_for_renaming(editor, tmp_path):
@@ -240,7 +244,7 @@ def test_shared_root_key_is_not_offered_for_renaming(editor, tmp_path):
     with pytest.raises(
         JsonRpcException, match="cannot be renamed: a key of the root can be used by all trees"
     ):
-        name_to_change(editor, path, at(path, "@k", 1))
+        name_to_change(editor, path, position_of(path, "@k", 1))
 
 
 def test_shared_root_key_is_not_renamed(editor, tmp_path):
@@ -250,7 +254,7 @@ def test_shared_root_key_is_not_renamed(editor, tmp_path):
     with pytest.raises(
         JsonRpcException, match="cannot be renamed: a key of the root can be used by all trees"
     ):
-        renamed(editor, path, at(path, "@k", 1), "other")
+        texts_after_rename(editor, path, position_of(path, "@k", 1), "other")
 
 
 @pytest.mark.parametrize(
@@ -269,12 +273,12 @@ def test_invalid_or_existing_name_is_refused(word, after, name, why, editor, fil
     main.write_text(text.replace("</Sequence>", other), encoding="utf-8")
     editor.open(main)
     with pytest.raises(JsonRpcException, match=why):
-        renamed(editor, main, at(main, word, after), name)
+        texts_after_rename(editor, main, position_of(main, word, after), name)
 
 
 def test_finding_offers_its_suggested_fix(editor, files):
     main, _ = files
-    place = at(main, "memroy")
+    place = position_of(main, "memroy")
     context = lsp.CodeActionContext([])
     question = lsp.CodeActionParams(document_id(main), lsp.Range(place, place), context)
     answer = editor.ask(editor.client.text_document_code_action_async(question))
@@ -285,7 +289,7 @@ def test_finding_offers_its_suggested_fix(editor, files):
 
 def test_refactoring_is_offered_and_its_edit_is_resolved_on_choice(editor, files):
     main, _ = files
-    place = at(main, "Sequence")
+    place = position_of(main, "Sequence")
     question = lsp.CodeActionParams(document_id(main), lsp.Range(place, place), lsp.CodeActionContext([]))
     offered = {
         each.title: each for each in editor.ask(editor.client.text_document_code_action_async(question))
@@ -302,7 +306,7 @@ def test_fix_of_tag_also_replaces_its_end_tag(editor, files):
     wrong = right.replace("Sequence", "Sequnce")
     main.write_text(wrong, encoding="utf-8")
     editor.open(main)
-    place = at(main, "<Sequnce", 1)
+    place = position_of(main, "<Sequnce", 1)
     question = lsp.CodeActionParams(document_id(main), lsp.Range(place, place), lsp.CodeActionContext([]))
     answer = editor.ask(editor.client.text_document_code_action_async(question))
     (edit,) = next(each for each in answer if each.title == "Replace by Sequence").edit.changes[main.as_uri()]

@@ -35,11 +35,11 @@ def text_at(text, place):
     return line[place.start.character : place.end.character]
 
 
-def shown(published, text):
+def codes_with_text(published, text):
     return [(each.code, text_at(text, each.range)) for each in published.diagnostics]
 
 
-def typed(editor, path, before, tag, behind):
+def type_text(editor, path, before, tag, behind):
     """Type a tag character by character; yield each text with all that the server publishes for it."""
     editor.open(path, before + behind)
     for count in range(1, len(tag) + 1):
@@ -55,25 +55,25 @@ def test_findings_elsewhere_stay_while_tag_is_typed(tag, wanted, editor, tmp_pat
     before, behind = BEFORE, BEHIND
     if wanted is OF_THE_WHOLE:
         before, behind = before.replace("memroy", "memory"), behind.replace("5 x", "5")
-    for text, published in typed(editor, tmp_path / "tree.xml", before, tag, behind):
+    for text, published in type_text(editor, tmp_path / "tree.xml", before, tag, behind):
         for each in published:
-            assert [found for found in wanted if found not in shown(each, text)] == [], text
+            assert [found for found in wanted if found not in codes_with_text(each, text)] == [], text
 
 
 def test_findings_elsewhere_stay_while_node_is_typed_in_yaml(editor, tmp_path):
     path = tmp_path / "tree.yaml"
-    for text, published in typed(
+    for text, published in type_text(
         editor, path, YAML_BEFORE, '          - Timeout: {msec: "3s"\n', YAML_BEHIND
     ):
         for each in published:
-            found = shown(each, text)
+            found = codes_with_text(each, text)
             assert ("unknown-attribute", "memroy") in found, text
             assert ("wrong-value", "5 x") in found, text
 
 
 def test_only_current_findings_are_shown_after_tag_is_complete(editor, tmp_path):
-    *_, (text, (*_, checked)) = typed(editor, tmp_path / "tree.xml", BEFORE, '<Sleep msec="10"/>', BEHIND)
-    assert sorted(shown(checked, text)) == sorted(ELSEWHERE)
+    *_, (text, (*_, checked)) = type_text(editor, tmp_path / "tree.xml", BEFORE, '<Sleep msec="10"/>', BEHIND)
+    assert sorted(codes_with_text(checked, text)) == sorted(ELSEWHERE)
 
 
 def test_fixed_finding_disappears_while_tag_is_incomplete(editor, tmp_path):
@@ -82,7 +82,7 @@ def test_fixed_finding_disappears_while_tag_is_incomplete(editor, tmp_path):
     editor.change(path, 2, ((3, 0), (3, 0), "<Sle"))
     text = f"{BEFORE}<Sle{BEHIND}".replace("memroy", "memory")
     *_, checked = editor.change(path, 3, ((2, 10), (2, 16), "memory"))
-    found = shown(checked, text)
+    found = codes_with_text(checked, text)
     assert ("unknown-attribute", "memory") not in found
     assert ("wrong-value", "5 x") in found
 
@@ -93,13 +93,16 @@ UNWRITTEN = '<ScriptCondition code="nobody_writes == 1"/>\n</Sequence>\n</Behavi
 def test_unknown_tag_hides_findings_only_after_edit_elsewhere_or_save(editor, tmp_path):
     path, before = tmp_path / "tree.xml", BEFORE.replace("memroy", "memory") + "<Failure/>\n"
     unknown, silenced = ("unknown-node", "<Sle"), ("unwritten-key", "nobody_writes")
-    assert silenced in shown(editor.open(path, before + UNWRITTEN), before + UNWRITTEN)
+    assert silenced in codes_with_text(editor.open(path, before + UNWRITTEN), before + UNWRITTEN)
     *_, checked = editor.change(path, 2, ((4, 0), (4, 0), "<Sle/>"))
     text = f"{before}<Sle/>{UNWRITTEN}"
-    assert {unknown, silenced} <= {*shown(checked, text)}
+    assert {unknown, silenced} <= {*codes_with_text(checked, text)}
     *_, checked = editor.change(path, 3, ((0, 0), (0, 0), "<!-- -->"))
     text = f"<!-- -->{text}"
-    assert (unknown in shown(checked, text), silenced in shown(checked, text)) == (True, False)
+    assert (unknown in codes_with_text(checked, text), silenced in codes_with_text(checked, text)) == (
+        True,
+        False,
+    )
     editor.change(path, 4, ((4, 0), (4, 6), ""))
     editor.change(path, 5, ((4, 0), (4, 0), "<Sle/>"))
 
@@ -107,9 +110,9 @@ def test_unknown_tag_hides_findings_only_after_edit_elsewhere_or_save(editor, tm
         # Late results for another file may come in between.
         return next(each for each in reversed(editor.published) if each.uri == path.as_uri())
 
-    assert silenced in shown(last(), text)
+    assert silenced in codes_with_text(last(), text)
     editor.save(path)
-    editor.wait_until(lambda: silenced not in shown(last(), text), "it is never silenced")
+    editor.wait_until(lambda: silenced not in codes_with_text(last(), text), "it is never silenced")
 
 
 @given(st.text("ab\n", max_size=20), st.text("ab\n", max_size=20))

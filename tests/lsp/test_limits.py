@@ -40,7 +40,7 @@ def wait_until(wanted, complaint):
         return news.wait_until(wanted, complaint)
 
 
-def cancelled(editor, method, params, begun=lambda: True):
+def error_after_cancel(editor, method, params, begun=lambda: True):
     """Cancel a request after it has begun; return the exception that it raises."""
 
     async def ask():
@@ -77,14 +77,15 @@ def test_cancelled_command_leaves_no_process(editor, tmp_path):
     editor.open(path)
     server = editor.client._server.pid
 
-    def verifying():
+    def verify_processes():
         return children_of(server, "verify")
 
     params = lsp.ExecuteCommandParams("sar.verify", arguments=[path.as_uri(), None])
     assert isinstance(
-        cancelled(editor, lsp.WORKSPACE_EXECUTE_COMMAND, params, verifying), JsonRpcRequestCancelled
+        error_after_cancel(editor, lsp.WORKSPACE_EXECUTE_COMMAND, params, verify_processes),
+        JsonRpcRequestCancelled,
     )
-    wait_until(lambda: not verifying(), lambda: "it goes on")
+    wait_until(lambda: not verify_processes(), lambda: "it goes on")
 
 
 def test_request_waiting_for_a_check_can_be_cancelled(editor, tmp_path):
@@ -93,7 +94,7 @@ def test_request_waiting_for_a_check_can_be_cancelled(editor, tmp_path):
     item = lsp.TextDocumentItem(path.as_uri(), "xml", 1, path.read_text(encoding="utf-8"))
     editor.say(editor.client.text_document_did_open, lsp.DidOpenTextDocumentParams(item))
     params = lsp.HoverParams(lsp.TextDocumentIdentifier(path.as_uri()), lsp.Position(1, 2))
-    assert isinstance(cancelled(editor, lsp.TEXT_DOCUMENT_HOVER, params), JsonRpcRequestCancelled)
+    assert isinstance(error_after_cancel(editor, lsp.TEXT_DOCUMENT_HOVER, params), JsonRpcRequestCancelled)
     whose = lsp.TextDocumentIdentifier(path.as_uri())
     editor.say(editor.client.text_document_did_close, lsp.DidCloseTextDocumentParams(whose))
 

@@ -21,11 +21,11 @@ def codes(published):
 def wait_for_codes(editor, path, *wanted):
     """Wait until the last findings of a file have given codes."""
 
-    def is_so():
+    def has_codes():
         mine = [each for each in editor.published if each.uri == path.as_uri()]
         return bool(mine) and codes(mine[-1]) == [*wanted]
 
-    editor.wait_until(is_so, f"{path} never shows {wanted}")
+    editor.wait_until(has_codes, f"{path} never shows {wanted}")
 
 
 @pytest.fixture

@@ -44,13 +44,13 @@ def survivors_of(bench: Bench, mutants: list[Mutant]) -> list[Mutant]:
     for number, mutant in enumerate(mutants, 1):
         killer = bench.killer_of(mutant)
         end = f"killed by {killer}" if killer else "SURVIVED"
-        _tell(f"{number}. {mutant.path}:{mutant.line}: {mutant.change}: {end}")
+        _print_line(f"{number}. {mutant.path}:{mutant.line}: {mutant.change}: {end}")
         if not killer:
             found.append(mutant)
     return found
 
 
-def _tell(line: str) -> None:
+def _print_line(line: str) -> None:
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
 
@@ -67,7 +67,7 @@ def main() -> int:
         survivors = survivors_of(bench, drawn)
     known = {(path, text, change) for path, text, change, _why in EQUIVALENT}
     new = [mutant for mutant in survivors if (mutant.path, mutant.text, mutant.change) not in known]
-    _tell(
+    _print_line(
         f"{len(drawn) - len(survivors)} killed, {len(survivors)} survived, {len(new)} of them without a reason"
     )
     return 1 if new else 0

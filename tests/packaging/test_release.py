@@ -67,7 +67,7 @@ def test_placeholder_with_value_is_replaced_in_all_files_except_its_own(checkout
     assert git("diff", "--name-only").split() == ["package.xml", RELEASE["PUBLICATION"]]
 
 
-def made(folder, *pythons):
+def create_built_files(folder, *pythons):
     """Create the files that a build makes for some Pythons."""
     files = [
         f"sar_compiler-{VERSION}.tar.gz",
@@ -155,7 +155,7 @@ def test_files_with_other_version_are_named(checkout):
 def test_tag_is_set_when_all_files_exist_and_only_once(checkout, tmp_path_factory):
     RELEASE["prepare"]()
     folder = tmp_path_factory.mktemp("dist")
-    made(folder, "312")
+    create_built_files(folder, "312")
     with pytest.raises(NotReadyError, match=re.escape(f"lacks sar_compiler-{VERSION}-cp310-")):
         RELEASE["tag"](folder, ["3.10", "3.12"])
     assert git("tag") == ""
@@ -167,7 +167,7 @@ def test_tag_is_set_when_all_files_exist_and_only_once(checkout, tmp_path_factor
 
 def test_checkout_changed_by_build_gets_no_tag(checkout, tmp_path_factory):
     folder = tmp_path_factory.mktemp("dist")
-    made(folder)
+    create_built_files(folder)
     (checkout / "left.txt").touch()
     with pytest.raises(NotReadyError, match=r"left\.txt"):
         RELEASE["tag"](folder, [])

@@ -122,14 +122,14 @@ FOREIGN = """<root BTCPP_format="4">
 """
 
 
-def required(names):
+def requirements_of(names):
     """Return some distributions with all their requirements, without extras."""
     found: dict[str, importlib.metadata.Distribution] = {}
     for name in names:
         distribution = importlib.metadata.distribution(name)
         wanted = map(Requirement, distribution.requires or ())
         more = [each.name for each in wanted if each.marker is None or each.marker.evaluate({"extra": ""})]
-        found |= {name: distribution, **required(more)}
+        found |= {name: distribution, **requirements_of(more)}
     return found
 
 
@@ -143,7 +143,7 @@ def test_foreign_tree_is_checked_with_required_packages_only(installed, tmp_path
     libraries = tmp_path / "libraries"
     libraries.mkdir()
     names = [each.name for each in needed if each.marker is None or each.marker.evaluate({"extra": ""})]
-    for distribution in required(names).values():
+    for distribution in requirements_of(names).values():
         for top in {file.parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:
             (libraries / top).symlink_to(distribution.locate_file(top))
     assert (libraries / "lxml").is_dir()

@@ -79,18 +79,18 @@ class Workspace:
 
     def environment(self):
         """Return the environment of a shell that has sourced the workspace."""
-        printed = self._done(["bash", "-c", 'source "$0" && env -0', self.path / "install" / "setup.bash"])
+        printed = self._run(["bash", "-c", 'source "$0" && env -0', self.path / "install" / "setup.bash"])
         return dict(entry.split("=", 1) for entry in printed.split("\0") if entry)
 
     def say(self, name, *arguments):
         """Run a command of the workspace in its environment; return the output."""
-        return self._done([self.executable(name), *arguments], self.environment())
+        return self._run([self.executable(name), *arguments], self.environment())
 
     def evaluate(self, statements):
         """Run Python statements in its environment; return their output."""
-        return self._done([sys.executable, "-c", statements], self.environment()).strip()
+        return self._run([sys.executable, "-c", statements], self.environment()).strip()
 
-    def _done(self, command, environment=None):
+    def _run(self, command, environment=None):
         # Not in the checkout, because Python imports from the current folder first.
         done = subprocess.run(
             command, cwd=self.path, env=environment, capture_output=True, text=True, check=False
