@@ -45,7 +45,7 @@ from tests.web.folding import fly
 TREE = document('<Sequence><Script code="a := 1"/></Sequence>')
 INCLUDING = document("").replace("<Beh", "<include path={}/>\n<Beh", 1)
 LACKING = document('<SubTree ID="Elsewhere"/>')
-SECRET = "root:x:0:0: never shown"  # noqa: S105 - nobody's
+SECRET = "root:x:0:0: never shown"  # noqa: S105 - not a real secret
 MAP = "resolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 WORLD = "robot: {x: 1, y: 1, radius: 0.2}\nwalls: []\n"
 _MOST_SEC = 60

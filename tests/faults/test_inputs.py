@@ -284,7 +284,7 @@ def test_description_of_any_drive_end_is_one_clean_line(status, code, message):
 
 
 class TestReferencedFiles:
-    SECRET = "root:x:0:0: never shown"  # noqa: S105 - nobody's
+    SECRET = "root:x:0:0: never shown"  # noqa: S105 - not a real secret
 
     @pytest.fixture(autouse=True)
     def elsewhere(self):

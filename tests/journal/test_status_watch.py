@@ -84,7 +84,7 @@ def test_same_status_is_written_again_after_tick_without_node(journal):
 
 def test_node_halted_after_skip_while_running_is_written_as_halted(journal):
     class Passed(SkippableLeaf):
-        outcomes = [Status.RUNNING, SKIPPED]  # noqa: RUF012 - taken once
+        outcomes = [Status.RUNNING, SKIPPED]  # noqa: RUF012 - used by one instance
 
         def update(self):
             return self.outcomes.pop(0)

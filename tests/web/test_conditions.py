@@ -21,7 +21,7 @@ pytestmark = pytest.mark.unmeasured
 
 
 class Row(NamedTuple):
-    """The way to a condition.
+    """The scenes, signal and view that show a condition.
 
     Attributes:
         scenes: The scenes of `tests.web.flown`, one for each robot.
