@@ -396,9 +396,8 @@ class KeyTypeRules:
         writer = next((write for write in writes if write.port is not None), None)
         if writer is None or writer.port is None or any(write.values is None for write in writes):
             return
+        # An output port accepts its own type, which is among the types.
         for port in ports:
-            if not port.reads or port.parameter is writer.port.parameter:
-                continue
             name, element = port.parameter.name, port.bound.element
             if not any(can_be_read(each, port.cpp, self._version) for each in types):
                 line = f"line {writer.element.line}{file_of(writer.element, element)}"
