@@ -82,7 +82,7 @@ def test_missing_web_server_is_reported_with_package_to_install(library, tmp_pat
 @pytest.mark.ros
 def test_mission_does_not_start_if_page_cannot_be_served():
     status, said = run_without("uvicorn", "sar_compiler.cli.run:main", "--sim", "--view", "web")
-    assert (status, "Traceback" in said, "Looking" in said) == (2, False, False), said
+    assert (status, "Traceback" in said, "Checking for" in said) == (2, False, False), said
     assert "sar-run: the page needs a library that is missing (" in said
     assert "pip install 'sar_compiler[web]'" in said
 

@@ -132,7 +132,7 @@ def test_parameter_error_is_reported_once_with_key(start, tmp_path, lines, words
 
 
 def test_missing_world_is_reported_before_check_for_other_simulations(start):
-    assert "Looking whether" not in output_of_rejected_run(start, "--sim", "moon")
+    assert "Checking for other simulations" not in output_of_rejected_run(start, "--sim", "moon")
 
 
 def test_parameter_file_for_another_node_is_rejected_with_its_sections(start, tmp_path):
