@@ -18,8 +18,8 @@ from coverage import Coverage
 from hypothesis import HealthCheck, is_hypothesis_test, settings
 
 from tests import warm
-from tests.chance import rounds
 from tests.costs import CostOfTests
+from tests.random_inputs import rounds
 
 # Ports of higher domains are in the range of ephemeral ports of Linux.
 _DOMAINS = 100

@@ -8,7 +8,7 @@ import pytest
 
 from sar_compiler.journal.journal_opening import open_journal
 from tests.trees import document
-from tests.views.flown import Said, flown, simulated
+from tests.views.recorded_runs import ScriptedPolicy, run_and_record, simulated
 
 # The packages that these commands must not load, each with the allowed exceptions.
 FORBIDDEN: dict[str, set[str]] = {
@@ -58,7 +58,13 @@ def test_checking_command_loads_no_robot_modules(module, command, file, tmp_path
     tree.write_text(document(TREE), encoding="utf-8")
     if command == "why":
         with closing(open_journal(tmp_path / file)) as journal:
-            flown(simulated(tree), Said(Drive=["FAILURE"]), journal, tree_file=str(tree), tree_id="Main")
+            run_and_record(
+                simulated(tree),
+                ScriptedPolicy(Drive=["FAILURE"]),
+                journal,
+                tree_file=str(tree),
+                tree_id="Main",
+            )
     name = file if file == SHIPPED else str(tmp_path / file)
     done = subprocess.run(
         [sys.executable, "-c", _PROGRAM.format(module=module), command, name, *NODES],

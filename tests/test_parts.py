@@ -13,7 +13,7 @@ from sar_compiler.cli.compile import main
 from sar_compiler.journal.journal_opening import open_journal
 from tests.test_house import CORE, PARTS
 from tests.trees import document
-from tests.views.flown import Said, flown, simulated
+from tests.views.recorded_runs import ScriptedPolicy, run_and_record, simulated
 
 TREE = '<Sequence><Script code="a := 1"/><Sleep msec="5"/><ScriptCondition code="a == 1"/></Sequence>'
 PACKAGE = Path("sar_compiler")
@@ -119,7 +119,7 @@ def files(tmp_path_factory):
     assert main(["format", str(tree)]) == 0
     (folder / "empty.yaml").write_text("leaves: {}\n", encoding="utf-8")
     with closing(open_journal(folder / "run.journal")) as journal:
-        flown(simulated(tree), Said(), journal, tree_file=str(tree), tree_id="Main")
+        run_and_record(simulated(tree), ScriptedPolicy(), journal, tree_file=str(tree), tree_id="Main")
     return folder
 
 

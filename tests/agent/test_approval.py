@@ -9,7 +9,7 @@ from sar_compiler.analysis.approval import ApprovalCheck, ApprovalError, approva
 from sar_compiler.analysis.verify.properties import read_property_file
 from sar_compiler.loaded_tree import load
 from sar_compiler.missions.mission_start import read_parameters
-from tests.cli.running import run
+from tests.cli.command_runner import run
 from tests.trees import write
 
 PART = '<BehaviorTree ID="Part"><AlwaysSuccess/></BehaviorTree>'

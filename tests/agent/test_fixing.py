@@ -5,7 +5,7 @@ import pytest
 from benchmarks.fixing import fixed as fixed_typo
 from benchmarks.fixing import typos
 from sar_compiler.tree.diagnostic import Form
-from tests.cli.running import run
+from tests.cli.command_runner import run
 from tests.trees import document
 
 FIXES = {

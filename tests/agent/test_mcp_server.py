@@ -14,7 +14,7 @@ from mcp.server.mcpserver.exceptions import ToolError
 
 from sar_compiler.agent.call_limits import CallLimits
 from sar_compiler.agent.mcp_server import ToolAccess
-from tests.cli.running import run
+from tests.cli.command_runner import run
 from tests.processes import BIN, children_of
 from tests.trees import document
 

@@ -11,7 +11,7 @@ from sar_compiler.analysis.proofs import try_runs
 from sar_compiler.analysis.trial import is_plain
 from sar_compiler.budget import WORK
 from sar_compiler.loaded_tree import load
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import document
 
 

@@ -17,7 +17,7 @@ from sar_compiler.runtime.walking import pre_order
 from tests.analysis.simulate.stage import played
 from tests.analysis.verify.stage import simulated_tree, verdict, verified
 from tests.analysis.verify.test_same_as_py_trees import trees
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 TICKS = 6
 

@@ -11,7 +11,7 @@ from sar_compiler.runtime.evaluation import EvaluationError, Program
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.variables import PlainVariables
 from sar_compiler.tree.diagnostic import Severity
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import forest
 
 CODES = {"failing-script", "idle-statement"}

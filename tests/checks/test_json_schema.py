@@ -22,8 +22,8 @@ from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
-from tests.checks.test_mistakes import CORRECT
 from tests.checks.test_schema import ELEMENTS, written
+from tests.checks.test_tree_errors import CORRECT
 from tests.trees import document
 
 SCHEMA = json_schema(default_registry())

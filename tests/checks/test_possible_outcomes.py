@@ -8,9 +8,9 @@ import pytest
 
 from sar_compiler.compiler import bind_main
 from sar_compiler.nodes.outcome_sets import ALL, ALLOWED, SURE, F, K, R, S, bits
-from tests.chance import rounds
 from tests.checks.outcome_oracle import REGISTRY, SUBSETS, RandomTrees, leaf, outcomes_of
 from tests.node_forms import Form, forms
+from tests.random_inputs import rounds
 from tests.trees import forest
 
 FORMS = forms(REGISTRY)

@@ -15,7 +15,7 @@ from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.schemas.xml_schema import xml_schema
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
-from tests.checks.test_mistakes import CORRECT, IN_A_TREE
+from tests.checks.test_tree_errors import CORRECT, IN_A_TREE
 from tests.nodes import leaves
 from tests.trees import document
 

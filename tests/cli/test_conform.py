@@ -11,9 +11,9 @@ from sar_compiler.compiler.outline import outline
 from sar_compiler.journal.journal_entries import Ending
 from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.loaded_tree import load
-from tests.cli.running import press_ctrl_c, run
+from tests.cli.command_runner import press_ctrl_c, run
 from tests.trees import document
-from tests.views.flown import REGISTRY, Said, flown, simulated
+from tests.views.recorded_runs import REGISTRY, ScriptedPolicy, run_and_record, simulated
 
 BODY = '<Sequence><A name="Drive"/><X name="Look"/><Y name="Tell"/></Sequence>'
 NODES = ("--nodes", "tests.analysis.verify.leaves")
@@ -34,11 +34,14 @@ def record_run(folder, monkeypatch):
     def record(name="m.journal", outcomes=None, **about):
         path = folder / name
         tree = load(folder / "tree.xml", registry=REGISTRY).preview()
-        monkeypatch.setattr("tests.views.flown.outline", lambda _: outline(tree))
+        monkeypatch.setattr("tests.views.recorded_runs.outline", lambda _: outline(tree))
         about = {"tree_file": str(folder / "tree.xml"), "tree_id": "Main", **about}
         with closing(open_journal(path)) as journal:
-            flown(
-                simulated(folder / "tree.xml"), Said(**(outcomes or {"Tell": ["counted"]})), journal, **about
+            run_and_record(
+                simulated(folder / "tree.xml"),
+                ScriptedPolicy(**(outcomes or {"Tell": ["counted"]})),
+                journal,
+                **about,
             )
         return path
 
@@ -183,7 +186,9 @@ def test_journal_of_unfinished_run_is_compared_so_far(conform, folder, monkeypat
     live = folder / "live.journal"
     with closing(open_journal(live)) as journal:
         monkeypatch.setattr(journal, "end_run", lambda *_: None)
-        flown(simulated(folder / "tree.xml"), Said(Drive=["RUNNING"] * 9), journal, tree_id="Main")
+        run_and_record(
+            simulated(folder / "tree.xml"), ScriptedPolicy(Drive=["RUNNING"] * 9), journal, tree_id="Main"
+        )
         status, out, _ = conform(live)
     assert status == 0
     assert "live.journal: run 1, running, compared so far, " in out

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
-from tests.cli import running
+from tests.cli import command_runner
 
 SHIPPED = {form: Path(f"trees/search_and_rescue.{form}") for form in ("xml", "yaml")}
 
 
 def run(capsys, *arguments):
-    return running.run(capsys, "convert", *arguments)
+    return command_runner.run(capsys, "convert", *arguments)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.running import run
+from tests.cli.command_runner import run
 
 SHIPPED = Path("trees/search_and_rescue.xml")
 

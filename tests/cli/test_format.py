@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli import running
+from tests.cli import command_runner
 
 ROUGH = {"xml": "<root a='1'><!-- why -->\n<A/></root>", "yaml": "root: {a: '1', children: [A]}  # why\n"}
 DECLARED = {
@@ -21,7 +21,7 @@ NEAT = {
 
 
 def run(capsys, *arguments):
-    return running.run(capsys, "format", *arguments)
+    return command_runner.run(capsys, "format", *arguments)
 
 
 @pytest.fixture(params=ROUGH)

@@ -11,9 +11,9 @@ from sar_compiler.cli.journal_command import main
 from sar_compiler.execution.run_journal import _node_options
 from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.project import CommandLineSettings
-from tests.cli.running import press_ctrl_c
+from tests.cli.command_runner import press_ctrl_c
 from tests.trees import document
-from tests.views.flown import Said, flown, simulated
+from tests.views.recorded_runs import ScriptedPolicy, run_and_record, simulated
 
 BODY = '<Sequence><A name="Drive"/><A name="Look"/></Sequence>'
 NODES = ("--nodes", "tests.analysis.verify.leaves")
@@ -35,7 +35,7 @@ def why(tree, tmp_path, capsys):
         if not place.exists():
             about = {"tree_file": str(tree), "tree_id": "Main", **about}
             with closing(open_journal(place)) as journal:
-                flown(simulated(tree), Said(Look=["FAILURE"]), journal, **about)
+                run_and_record(simulated(tree), ScriptedPolicy(Look=["FAILURE"]), journal, **about)
         assert main(["why", str(place), *nodes, *map(str, options)]) == status
         return capsys.readouterr().out
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.tree.xml import parse_xml
-from tests.cli import running
+from tests.cli import command_runner
 from tests.trees import document
 
 ARM = """
@@ -32,7 +32,7 @@ def write(name, text):
 
 
 def run(capsys, *arguments):
-    return running.run(capsys, *arguments)
+    return command_runner.run(capsys, *arguments)
 
 
 def models(capsys, *options):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from tests.cli.running import run
+from tests.cli.command_runner import run
 from tests.trees import document
 
 RIGHT = '<root><TreeNodesModel><Action ID="Fly"/></TreeNodesModel></root>'

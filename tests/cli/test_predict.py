@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from tests.cli.running import run
+from tests.cli.command_runner import run
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Tree">
   <Repeat num_success="9"><DetectSurvivor/></Repeat>

@@ -12,7 +12,7 @@ from sar_compiler.cli.compile import main
 from sar_compiler.compiler.outline import add_tags, unicode_tree
 from sar_compiler.testing import compile_for_test
 from sar_compiler.views.findings import plain_text
-from tests.cli.running import run
+from tests.cli.command_runner import run
 from tests.trees import document
 
 SHIPPED = "trees/search_and_rescue.xml"

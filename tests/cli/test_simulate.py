@@ -8,7 +8,7 @@ import pytest
 
 from sar_compiler.checks.golden import RENEW
 from sar_compiler.cli.compile import main
-from tests.cli import running
+from tests.cli import command_runner
 from tests.trees import document
 
 TREE = "trees/search_and_rescue.xml"
@@ -16,7 +16,7 @@ SCENARIOS = Path("examples/scenarios")
 
 
 def run(capsys, *arguments):
-    return running.run(capsys, "simulate", *arguments)
+    return command_runner.run(capsys, "simulate", *arguments)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from sar_compiler.cli.compile import main
-from tests.cli import running
+from tests.cli import command_runner
 from tests.trees import document
 
 NEEDLESS = document("<Sequence><ZonesRemaining/></Sequence>")
@@ -117,7 +117,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(capsys, *arguments):
-    return running.run(capsys, "validate", *arguments)
+    return command_runner.run(capsys, "validate", *arguments)
 
 
 def test_sarif_conforms_to_standard(folder, capsys):

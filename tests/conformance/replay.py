@@ -35,7 +35,7 @@ from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.runtime.variables import Enums
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
-from tests.conformance import as_there, leaves
+from tests.conformance import btcpp_behaviour, leaves
 from tests.conformance.deviations import Difference, deviation
 from tests.conformance.leaves import Event, Events
 
@@ -178,8 +178,8 @@ def reason_for(case: Case, difference: Difference) -> str | None:
     reason = deviation(case, difference)
     if reason is not None or difference.tick < 0:
         return reason
-    for habits in as_there.habits_of(case):
-        with as_there.taken_on(habits):
+    for habits in btcpp_behaviour.habits_of(case):
+        with btcpp_behaviour.taken_on(habits):
             left = _first_difference(case, difference.run)
         further = None if left is None else deviation(case, left)
         if left is None or (further is not None and left.tick >= difference.tick):
@@ -240,7 +240,7 @@ def _ticks(case: Case, run: Run, compiled: Compiled, clock: ManualClock) -> Iter
         try:
             if index in case.get("halt_before", ()):
                 compiled.events.happened.append(["haltTree"])
-                as_there.halt_tree(compiled.root)
+                btcpp_behaviour.halt_tree(compiled.root)
             outcome = _tick(compiled.root, woken, again=run["mode"] == "once")
         except Exception as error:  # noqa: BLE001 - compared with what BehaviorTree.CPP raised
             yield Seen("EXCEPTION", compiled.events.take(), _blackboards(compiled), str(error))
@@ -257,7 +257,7 @@ def _tick(root: Behaviour, woken: list[bool], *, again: bool) -> str:
         return "SKIPPED"
     outcome = root.status
     if outcome != Status.RUNNING:
-        as_there.reset(root)
+        btcpp_behaviour.reset(root)
     return outcome.name
 
 

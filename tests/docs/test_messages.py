@@ -18,7 +18,7 @@ TROUBLESHOOTING = Path("docs/operate/troubleshooting.md")
 PARAMETERS = Path("docs/reference/parameters.md")
 TREES = Path("docs/reference/tree-files.md")
 LEAVES = Path("docs/reference/leaf-classes.md")
-# Sections of the troubleshooting page with messages of other programs, or with errors that test_mistakes_typed tests.
+# Sections of the troubleshooting page with messages of other programs, or with errors that test_usage_errors tests.
 OTHER_SECTIONS = ("Messages of other programs", "Installing", "Wrong usage, status 2")
 # Sources of messages other than Python modules.
 OTHER_SOURCES = (Path("Makefile"),)

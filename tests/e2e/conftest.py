@@ -25,7 +25,7 @@ def start():
 @pytest.fixture
 def witness():
     """Return a function that observes a robot from a separate node."""
-    from tests.e2e.witness import Witness
+    from tests.e2e.observers import Witness
 
     watching = []
 

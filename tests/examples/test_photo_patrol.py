@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from tests.examples.readme import EXAMPLES, steps
-from tests.faults.killers import KILLER
+from tests.faults.self_killing_runs import KILLER
 from tests.trees import document
 
 pytestmark = pytest.mark.ros

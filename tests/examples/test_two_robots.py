@@ -17,7 +17,7 @@ from sar_compiler.sim.geometry import Pose2D
 from sar_compiler.sim.occupancy import read_map
 from sar_compiler.sim.planner import Planner
 from sar_compiler.sim.world import find_world
-from tests.e2e.witness import LATCHED, Watcher
+from tests.e2e.observers import LATCHED, Watcher
 from tests.processes import BIN, Command
 
 FOLDER = Path("examples/two_robots")

@@ -37,7 +37,7 @@ from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import Geofence, ZoneManager
 from tests.processes import in_order
 from tests.ros.conftest import Said
-from tests.ros.test_unasked_motion import Robot
+from tests.ros.test_unexpected_motion import Robot
 
 GUARDED = Path("trees/search_and_rescue_guarded.xml")
 EXAMPLE = Path("examples/failsafes")

@@ -311,16 +311,16 @@ SURFACES = {
 }  # fmt: skip
 ELSEWHERE = {
     "tree/forest.py:_Loader._intended_path": "tests/tree/test_forest.py: the files beside a missing one, which are only named",
-    "resources.py:require_tree_file": "tests/cli/test_kept_results.py: of a file that is not there, which says why",
-    "validation/check_cache.py:CheckCache._load": "tests/cli/test_kept_results.py: damaged results",
-    "validation/check_cache.py:add_modules": "tests/cli/test_kept_results.py: modules that are imported already",
+    "resources.py:require_tree_file": "tests/cli/test_result_cache.py: of a file that is not there, which says why",
+    "validation/check_cache.py:CheckCache._load": "tests/cli/test_result_cache.py: damaged results",
+    "validation/check_cache.py:add_modules": "tests/cli/test_result_cache.py: modules that are imported already",
     "checks/leaf_classes.py:_module": "tests/checks/test_leaf_classes.py: a module that is exchanged after its import",
     "studio/tree_studio.py:Studio._read.read": "tests/studio/test_edited_document.py: included files",
     "studio/edited_document.py:EditedDocument.is_changed": "tests/studio/test_edited_document.py",
     "studio/edited_document.py:EditedDocument.load": "tests/studio/test_edited_document.py",
     "studio/edited_document.py:EditedDocument.save_text": "tests/studio/test_edited_document.py",
     "lsp/server.py:TreeServer._read": "tests/lsp/test_projects.py: a tree of the set that is no file",
-    "project/trust.py:_SourceLoader.get_code": "tests/project/test_what_a_configuration_brings.py: while a module is imported",
+    "project/trust.py:_SourceLoader.get_code": "tests/project/test_untrusted_configuration.py: while a module is imported",
 }
 """Readers that no command line reaches, and the tests of them."""
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from tests.faults.killers import KILLER, TIMED_KILLER
-from tests.faults.mortal import ONCE, SURVIVORS, Mortal, kinds
+from tests.faults.crashing_mission import ONCE, SURVIVORS, Mortal, kinds
+from tests.faults.self_killing_runs import KILLER, TIMED_KILLER
 from tests.faults.worlds import ACKNOWLEDGED, arguments, end, hold, is_over, world
 
 __all__ = ["world"]
@@ -18,7 +18,7 @@ TREES = ("search_and_rescue", "search_and_rescue_resilient")
 
 
 @pytest.fixture
-def mortal(ros, tmp_path):
+def crashing_mission(ros, tmp_path):
     """Return a function that makes missions that can be killed."""
     made: list[Mortal] = []
 
@@ -42,15 +42,15 @@ SOME_FACTS, ALL_FACTS = 5, 1
         pytest.param(TREES[1], ALL_FACTS, 4, marks=pytest.mark.slow),
     ],
 )
-def test_mission_killed_at_any_event_ends_like_undisturbed_one(mortal, tree, step, refused):
-    undisturbed = mortal(tree)
+def test_mission_killed_at_any_event_ends_like_undisturbed_one(crashing_mission, tree, step, refused):
+    undisturbed = crashing_mission(tree)
     undisturbed.refuse(refused)
     assert undisturbed.live()
     expected, facts = undisturbed.outcome(), undisturbed.facts
     assert facts > 10
     for dies_at in range(step, facts + 1, step):
         for written in (False, True):
-            mission = mortal(tree)
+            mission = crashing_mission(tree)
             mission.refuse(refused)
             assert not mission.live(dies_at, written=written)
             assert mission.live()
@@ -62,10 +62,10 @@ def test_mission_killed_at_any_event_ends_like_undisturbed_one(mortal, tree, ste
 
 
 @pytest.mark.parametrize("tree", TREES)
-def test_repeatedly_killed_mission_reaches_its_end(mortal, tree):
-    undisturbed = mortal(tree)
+def test_repeatedly_killed_mission_reaches_its_end(crashing_mission, tree):
+    undisturbed = crashing_mission(tree)
     undisturbed.live()
-    mission = mortal(tree)
+    mission = crashing_mission(tree)
     lives = 1
     # Each life records two more events than it needs to return to the earlier state.
     while not mission.live(4, written=True):
@@ -75,10 +75,10 @@ def test_repeatedly_killed_mission_reaches_its_end(mortal, tree):
 
 
 @pytest.mark.parametrize("tree", TREES)
-def test_mission_killed_with_full_disk_ends_like_undisturbed_one(mortal, tree):
-    undisturbed = mortal(tree)
+def test_mission_killed_with_full_disk_ends_like_undisturbed_one(crashing_mission, tree):
+    undisturbed = crashing_mission(tree)
     undisturbed.live()
-    mission = mortal(tree)
+    mission = crashing_mission(tree)
     mission.full_from = 3  # zone_a is being searched
     assert not mission.live(undisturbed.facts - 3)
     mission.full_from = None
@@ -87,11 +87,11 @@ def test_mission_killed_with_full_disk_ends_like_undisturbed_one(mortal, tree):
     assert {key: count for key, count in kinds(mission.place).items() if count > 1 and key[0] in ONCE} == {}
 
 
-def test_reported_survivor_name_is_not_reused_after_lost_events(mortal, monkeypatch):
+def test_reported_survivor_name_is_not_reused_after_lost_events(crashing_mission, monkeypatch):
     from sar_compiler.journal import spill_file
 
     monkeypatch.setattr(spill_file, "_SLOT_BYTES", 330)
-    mission = mortal("search_and_rescue")
+    mission = crashing_mission("search_and_rescue")
     mission.full_from = 3
     assert not mission.live(9)
     assert kinds(mission.place)["facts_lost", None] == 1
@@ -103,8 +103,8 @@ def test_reported_survivor_name_is_not_reused_after_lost_events(mortal, monkeypa
     assert [survivor.survivor_id for survivor in mission.record.survivors] == ["survivor_2", "survivor_3"]
 
 
-def test_orphaned_goal_is_canceled_before_next_goal_is_sent(mortal):
-    mission = mortal("search_and_rescue")
+def test_orphaned_goal_is_canceled_before_next_goal_is_sent(crashing_mission):
+    mission = crashing_mission("search_and_rescue")
     mission.nav.script = []
     runner = mission.begin()
     mission.stage.until(lambda: runner.tick() or mission.nav.goals, "the first goal")
@@ -117,8 +117,8 @@ def test_orphaned_goal_is_canceled_before_next_goal_is_sent(mortal):
     assert mission.nav.goals[0].final == "canceled"
 
 
-def test_uncanceled_orphaned_goal_is_awaited(mortal):
-    mission = mortal("search_and_rescue")
+def test_uncanceled_orphaned_goal_is_awaited(crashing_mission):
+    mission = crashing_mission("search_and_rescue")
     mission.nav.script, mission.nav.heed_cancel = [], False
     runner = mission.begin()
     mission.stage.until(lambda: runner.tick() or mission.nav.goals, "the first goal")
@@ -136,8 +136,8 @@ def test_uncanceled_orphaned_goal_is_awaited(mortal):
     journal.close()
 
 
-def test_stored_reports_are_delivered_by_next_run(mortal):
-    mission = mortal("search_and_rescue_resilient")
+def test_stored_reports_are_delivered_by_next_run(crashing_mission):
+    mission = crashing_mission("search_and_rescue_resilient")
     acknowledge = mission.report.answer
     mission.report.answer = lambda _, response: setattr(response, "acknowledged", False)
     # Three attempts to report the survivor of zone_a are events 5 to 7; then the report is stored.
@@ -151,8 +151,8 @@ def test_stored_reports_are_delivered_by_next_run(mortal):
     assert {each.survivor_id for each in mission.report.requests} == {"survivor_1", "survivor_2"}
 
 
-def test_survivor_frames_are_published_again(mortal):
-    mission = mortal("search_and_rescue")
+def test_survivor_frames_are_published_again(crashing_mission):
+    mission = crashing_mission("search_and_rescue")
     # zone_a with its survivor is visited: the name, the report and the visit are events 4 to 7.
     assert not mission.live(8)
     assert kinds(mission.place)["zone_visited", "zone_a"] == 1

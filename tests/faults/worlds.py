@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from tests.faults.mortal import ONCE, kinds
+from tests.faults.crashing_mission import ONCE, kinds
 from tests.processes import Command
 
 ACKNOWLEDGED = "survivors found: survivor_1 in zone_a at (-2.50, 3.20), acknowledged"

@@ -12,9 +12,9 @@ from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_trees import random_tree
 from tests.analysis.verify.stage import bound
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import document
-from tests.views.flown import flown, simulated
+from tests.views.recorded_runs import run_and_record, simulated
 
 NODES = ("--nodes", "tests.analysis.verify.leaves")
 ENDLESS = (
@@ -72,7 +72,7 @@ def record_run(folder, seed):
     """Record a random run of the tree in a journal; a run that does not end is stopped."""
     about = {"tree_file": str(folder / TREE), "tree_id": "Main"}
     with closing(open_journal(folder / JOURNAL)) as journal:
-        flown(simulated(folder / TREE), RandomPolicy(seed), journal, **about)
+        run_and_record(simulated(folder / TREE), RandomPolicy(seed), journal, **about)
 
 
 @pytest.mark.random

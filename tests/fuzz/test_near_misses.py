@@ -12,8 +12,8 @@ from sar_compiler.nodes.spec import Direction
 from sar_compiler.tree.diagnostic import Severity
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
-from tests.chance import TIMES, rounds
 from tests.fuzz.random_trees import REGISTRY, SPECS
+from tests.random_inputs import TIMES, rounds
 from tests.trees import class_of, document
 
 # Nodes that the installed py_trees is too old for are registered, but cannot be constructed.

@@ -15,8 +15,8 @@ from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
 from sar_compiler.tree.yaml import parse_yaml
-from tests.chance import rounds
 from tests.fuzz.bounds import TooMuchWorkError, at_most
+from tests.random_inputs import rounds
 
 PARSERS = {".xml": parse_xml, ".yaml": parse_yaml}
 SHIPPED = [path for path in sorted(Path("trees").iterdir()) if path.suffix in PARSERS]

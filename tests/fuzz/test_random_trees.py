@@ -8,8 +8,8 @@ from sar_compiler.runtime.context import preview_of
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
-from tests.chance import rounds
 from tests.fuzz.random_trees import REGISTRY, tree_texts
+from tests.random_inputs import rounds
 
 
 def is_location_in_text(finding):

@@ -18,7 +18,7 @@ from sar_compiler.journal.journal_entries import Ending, Row
 from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.journal.spill_file import RunEnd
 from sar_compiler.reports.checked_journal import CheckedJournal
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 TABLES = "fact", "watched"
 COLUMNS = "number, run, wall, time, kind, data, link"

@@ -18,9 +18,9 @@ from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.walking import pre_order
 from tests.analysis.verify.stage import simulated_tree
 from tests.analysis.verify.test_same_as_py_trees import trees
-from tests.chance import rounds
 from tests.checks.test_events import ByChance
-from tests.views.flown import watched_tick
+from tests.random_inputs import rounds
+from tests.views.recorded_runs import watched_tick
 
 TICKS = 8
 S, F, R = Status.SUCCESS, Status.FAILURE, Status.RUNNING

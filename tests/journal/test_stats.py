@@ -14,7 +14,7 @@ from sar_compiler.journal.journal_entries import RUN_BEGAN, Ending, JournalEntry
 from sar_compiler.journal.journal_opening import open_journal
 from sar_compiler.reports.leaf_statistics import RunStatistics, statistics_as_json, statistics_as_yaml
 from sar_compiler.runtime.clock import ManualClock
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 
 def leaf(name, **more):

@@ -13,7 +13,7 @@ from sar_compiler.runtime.kernel.live import LiveTree, show_visits
 from sar_compiler.runtime.kernel.tree_nodes import Visit
 from sar_compiler.runtime.outcomes import Outcome
 from sar_compiler.runtime.skipping import SKIPPED, SkippableLeaf
-from tests.views.flown import watched_tick
+from tests.views.recorded_runs import watched_tick
 
 
 @pytest.fixture

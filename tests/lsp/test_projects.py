@@ -3,11 +3,11 @@
 import pytest
 from lsprotocol import types as lsp
 
-from tests.chance import rounds
-from tests.cli.test_what_is_not_installed import run_without
+from tests.cli.test_missing_libraries import run_without
 from tests.lsp.editor import Editor
 from tests.lsp.test_same_as_validate import shown, validated
 from tests.project.random_repositories import Repository
+from tests.random_inputs import rounds
 from tests.trees import write
 
 USING = ['<include path="lib.xml"/>', '<BehaviorTree ID="Main">', '<SubTree ID="Part"/>', "</BehaviorTree>"]

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from sar_compiler.cli.compile import main
-from tests.checks.test_mistakes import IN_A_FILE, IN_A_TREE
-from tests.checks.test_mistakes_in_files import HEAD, IN_XML, IN_YAML
+from tests.checks.test_file_errors import HEAD, IN_XML, IN_YAML
+from tests.checks.test_tree_errors import IN_A_FILE, IN_A_TREE
 from tests.docs.test_findings import CODES, page_of
 from tests.docs.test_findings import write as write_files
 from tests.trees import document

@@ -30,7 +30,7 @@ from search_and_rescue.search import _SENTENCES, Search
 from search_and_rescue.search_events import COMMAND_GIVEN
 from search_and_rescue.search_theory import Ground, SearchExpectation
 from search_and_rescue.zone_manager import Zone, ZoneManager
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 pytestmark = pytest.mark.ros
 

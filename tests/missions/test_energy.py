@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from search_and_rescue.energy import ConsumptionRates, EnergyModel, TripEstimate
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 PRIOR = ConsumptionRates(per_m=0.0005, per_sec=0.0001)
 TRIP = TripEstimate(100.0, 250.0)

@@ -24,7 +24,7 @@ from search_and_rescue.zone_order import (
     optimal_order,
     order_areas,
 )
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 SIGMAS = 4
 AREAS = 8

@@ -17,7 +17,7 @@ from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
 from sensor_msgs.msg import BatteryState
 
-from tests.e2e.witness import LATCHED, Watcher
+from tests.e2e.observers import LATCHED, Watcher
 from tests.nav2.parameter_files import NAV2_PARAMS, ROOT
 from tests.nav2.prefix import MANAGER, SERVERS, environment, executable
 from tests.processes import Command

@@ -11,7 +11,7 @@ from sar_compiler.nodes.binding.binder import bind
 from sar_compiler.nodes.registry import Registry, default_registry
 from sar_compiler.nodes.spec import Kind, NodeSpec
 from sar_compiler.runtime.ports import Input
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import errors, forest_of
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from sar_compiler.reports.why import FailureAnalysis
-from tests.views.flown import injected
+from tests.views.recorded_runs import missions_with_fault
 
 pytestmark = pytest.mark.unmeasured
 
@@ -12,7 +12,9 @@ FAULTS, NAMED_FIRST = 100, 95
 
 def test_faulty_leaf_is_named_first_for_95_of_100_faults(tmp_path):
     named = []
-    for (faulty, stream, _), _ in zip(injected(tmp_path / "tree.xml"), range(FAULTS), strict=False):
+    for (faulty, stream, _), _ in zip(
+        missions_with_fault(tmp_path / "tree.xml"), range(FAULTS), strict=False
+    ):
         reasons = FailureAnalysis.from_stream(stream).find_cause()
         named.append((reasons.likeliest.name if reasons.likeliest else "", faulty))
     assert len(named) == FAULTS

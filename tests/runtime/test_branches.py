@@ -9,7 +9,7 @@ from sar_compiler.runtime import operators
 from sar_compiler.runtime.operators import equal_texts
 from sar_compiler.runtime.ports import Input, PortError
 from tests.conformance.leaves import ScriptedError
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 IfThenElse = own("IfThenElse")

@@ -13,7 +13,7 @@ from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.scripting import NodeScriptError
 from sar_compiler.runtime.stock import Sequence
 from tests.conformance.leaves import ScriptedError
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 WhileDoElse = own("WhileDoElse")

@@ -4,7 +4,7 @@ import pytest
 from py_trees.common import Status
 
 from sar_compiler.runtime.ports import Input
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 ForceFailure = own("ForceFailure")

@@ -13,7 +13,7 @@ from sar_compiler.runtime.entry_types import read_as, value_of, value_to_keep
 from sar_compiler.runtime.language_nodes import EntryTypeError, SetBlackboard, UnsetBlackboard
 from sar_compiler.runtime.ports import Input, PortError
 from sar_compiler.runtime.variables import RefusedValueError
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 SkipUnlessUpdated = own("SkipUnlessUpdated")

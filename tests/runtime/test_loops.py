@@ -11,7 +11,7 @@ from py_trees.common import Status
 from sar_compiler.runtime.outcomes import ReturnedStatus
 from sar_compiler.runtime.ports import Input, Output, PortError
 from sar_compiler.runtime.queues import QueueError
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 LoopBool = own("LoopBool")

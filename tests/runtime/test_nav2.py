@@ -7,7 +7,7 @@ from py_trees.common import Status
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.kernel.nav2_controls import Nav2ControlError
 from sar_compiler.runtime.ports import InOut, Input
-from tests.runtime.own import asking, of_nav2
+from tests.runtime.node_factories import asking, of_nav2
 from tests.runtime.stage import Stage
 
 RecoveryNode = of_nav2("RecoveryNode")

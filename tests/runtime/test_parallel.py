@@ -5,7 +5,7 @@ from py_trees.common import Status
 
 from sar_compiler.runtime.kernel.counting import ThresholdError
 from sar_compiler.runtime.ports import Input
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 Parallel = own("Parallel")

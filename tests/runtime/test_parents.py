@@ -20,7 +20,7 @@ from sar_compiler.runtime.stock import Fallback, Sequence, SequenceWithMemory
 from sar_compiler.runtime.ticking import Control, Decorator, OwnDecorator, behaviour_class
 from tests.conformance.leaves import ScriptedError
 from tests.runtime.kernel.flat import cells_of, tick
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 Parallel = own("Parallel")

@@ -7,7 +7,7 @@ from py_trees.common import Status
 
 from sar_compiler.runtime.ports import Input, PortError
 from tests.conformance.leaves import Scripted
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 Repeat = own("Repeat")

@@ -18,7 +18,7 @@ from sar_compiler.runtime.script_code import compile_fast_script
 from sar_compiler.runtime.scripting import NodeScript, NodeScriptError, ScopeVariables
 from sar_compiler.runtime.tokens import ScriptError
 from sar_compiler.runtime.variables import LARGEST_EXACT, Enums
-from tests.chance import TIMES
+from tests.random_inputs import TIMES
 
 PROGRAMS = 3_000 if TIMES == 1 else max(1, int(10_000 * TIMES))
 """`make soak` tries 100,000."""

@@ -11,7 +11,7 @@ from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.script import parse
 from sar_compiler.runtime.script_code import compile_fast_script
 from sar_compiler.runtime.scripting import NodeScriptError
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 Precondition = own("Precondition")

@@ -9,7 +9,7 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.runtime.kernel.times import ClockTimes
 from sar_compiler.runtime.kernel.timing import DurationError
 from sar_compiler.runtime.ports import Input
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 Delay = own("Delay")

@@ -16,7 +16,7 @@ from sar_compiler.tree.discovery import read_tree_file
 from sar_compiler.web.edit_page import edit_app
 from sar_compiler.web.page_server import AppServer
 from sar_compiler.writing import write_bytes
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import document
 from tests.web.browsers import open_browser
 from tests.web.test_accessibility import axe, require_none

@@ -15,7 +15,7 @@ from sar_compiler.tree.yaml import parse_yaml
 from sar_compiler.tree.yaml_fields import FIELD_ATTRIBUTES
 from sar_compiler.tree.yaml_writer import write_yaml
 from tests.tree.strategies import ODD, VALUES, everything
-from tests.tree.test_places_in_values import cut
+from tests.tree.test_value_locations import cut
 
 # The YAML written for `request`, and the string it is read as.
 WRITTEN = [

@@ -15,11 +15,11 @@ from sar_compiler import TreeError, load
 from sar_compiler.cli.compile import _drawing
 from sar_compiler.compiler.sketch import Sketch, sketch_tree
 from sar_compiler.tree.discovery import tree_files_in
-from tests.chance import rounds
-from tests.cli.running import run
+from tests.cli.command_runner import run
 from tests.docs.test_findings import CODES, page_of
 from tests.fuzz.random_trees import wrong_tree_texts
 from tests.lsp.test_same_as_validate import WRITTEN
+from tests.random_inputs import rounds
 from tests.trees import document
 
 SVG = "{http://www.w3.org/2000/svg}"

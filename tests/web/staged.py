@@ -25,7 +25,7 @@ from search_and_rescue.search import Search
 from search_and_rescue.search_theory import SearchExpectation
 from search_and_rescue.zone_manager import Zone, ZoneManager
 from tests.web.browsers import Browser, open_browser
-from tests.web.flown import Deaf
+from tests.web.run_scene import Deaf
 
 WIDTHS = {360: 740, 768: 1024, 1280: 800, 2560: 1440}
 """Heights of windows by width, pixels."""

@@ -10,7 +10,7 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.run_page import _FailureExplainer, _form
 from search_and_rescue.operator_commands import VERBS
 from tests.web.conftest import as_address, patrol_report
-from tests.web.flown import SCENES
+from tests.web.run_scene import SCENES
 from tests.web.test_page import Asked
 from tests.web.test_page_server import Operator
 

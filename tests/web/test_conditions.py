@@ -24,7 +24,7 @@ class Row(NamedTuple):
     """The scenes, signal and view that show a condition.
 
     Attributes:
-        scenes: The scenes of `tests.web.flown`, one for each robot.
+        scenes: The scenes of `tests.web.run_scene`, one for each robot.
         sent: The signal that is sent to the process of the first robot afterwards.
         seen: The view: its own page, a replay, or `sar-journal watch`.
     """
@@ -97,7 +97,7 @@ def open_view(row, journals, start, stack, browser):
     """Bring runs to a condition, and open their page; return the runs."""
     python = Path(sys.executable).name
     runs = [
-        start(python, "-m", "tests.web.flown", scene, journal)
+        start(python, "-m", "tests.web.run_scene", scene, journal)
         for scene, journal in zip(row.scenes, journals, strict=True)
     ]
     own = [address(run) for run in runs]

@@ -14,7 +14,7 @@ from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.feed import LiveFeed
 from sar_compiler.web.page_server import PageQuery, PageServer
 from tests.web.conftest import ABOUT, KINDS, Patrol
-from tests.web.flown import VERBS, drive
+from tests.web.run_scene import VERBS, drive
 
 pytestmark = pytest.mark.unmeasured
 

@@ -14,7 +14,7 @@ from sar_compiler.journal.status_line import condition
 from sar_compiler.reports.mission_report import report_data
 from sar_compiler.runtime.clock import ManualClock
 from sar_compiler.web.page_state import PageState
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.web.conftest import ABOUT, KINDS, Patrol
 from tests.web.folding import folded, happen, history, plain
 

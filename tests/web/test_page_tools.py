@@ -15,7 +15,7 @@ from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.testing import compile_for_test
 from sar_compiler.web.page_tools import LiveTools, ToolError, journal_tools
 from tests.trees import document
-from tests.views.flown import Said, flown, simulated
+from tests.views.recorded_runs import ScriptedPolicy, run_and_record, simulated
 
 BODY = '<Sequence name="all"><Script name="write" code="goal := 3"/><AlwaysSuccess name="end"/></Sequence>'
 
@@ -139,7 +139,9 @@ def test_journal_tool_shows_consequence_of_other_outcome(tmp_path):
     )
     journal = open_journal(place)
     tree = simulated(path, default_registry())
-    flown(tree, Said(NavigateToBase=["aborted"]), journal, tree_file=str(path), tree_id="Main")
+    run_and_record(
+        tree, ScriptedPolicy(NavigateToBase=["aborted"]), journal, tree_file=str(path), tree_id="Main"
+    )
     journal.close()
     tool = journal_tools([place])["otherwise"]
     found: Any = tool.ask({"robot": 0, "run": 1, "node": 2, "tick": 1})
@@ -155,8 +157,8 @@ def test_consequence_is_available_for_run_paused_longer_than_assumed(tmp_path):
     journal = open_journal(place)
     start = StartValues(facts={"orders_left": 9})
     tree = stage_of(load(path), params=start).play().simulated
-    said = Said(NotHeld=["held"] * 5, NavigateToBase=["aborted"])
-    flown(tree, said, journal, tree_file=str(path), tree_id="Main")
+    said = ScriptedPolicy(NotHeld=["held"] * 5, NavigateToBase=["aborted"])
+    run_and_record(tree, said, journal, tree_file=str(path), tree_id="Main")
     journal.close()
     tool = journal_tools([place])["otherwise"]
     released: Any = tool.ask({"robot": 0, "run": 1, "node": 2, "tick": 5})
@@ -171,7 +173,9 @@ def journal_of_one_leaf(folder):
     path = folder / "tree.xml"
     path.write_text(document("<ZonesRemaining/>"), encoding="utf-8")
     journal = open_journal(place)
-    flown(simulated(path, default_registry()), Said(), journal, tree_file=str(path), tree_id="Main")
+    run_and_record(
+        simulated(path, default_registry()), ScriptedPolicy(), journal, tree_file=str(path), tree_id="Main"
+    )
     journal.close()
     return place
 

@@ -12,7 +12,7 @@ from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.outcomes import Outcome, middle, probabilities
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.predict.stage import CHANCES, PERIOD_SEC, played, predicted, random_timed_tree
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 INDEPENDENT = """
 A: [{outcome: SUCCESS, p: 0.9}]

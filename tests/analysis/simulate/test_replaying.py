@@ -18,7 +18,7 @@ from sar_compiler.documents.yaml_files import parse_yaml
 from sar_compiler.tree.diagnostic import TreeError
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.runtime.kernel.random_trees import RandomTree
 from tests.runtime.kernel.stage import entries, registry
 

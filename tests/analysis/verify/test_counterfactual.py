@@ -13,16 +13,16 @@ from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.events import HALTED, RESET, RETURNED, Event, append_end
 from sar_compiler.runtime.outcomes import nominal
 from sar_compiler.runtime.walking import pre_order
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import document
-from tests.views.flown import REGISTRY, Said, flown, injected, simulated
+from tests.views.recorded_runs import REGISTRY, ScriptedPolicy, missions_with_fault, run_and_record, simulated
 
 
 def change_of(path, body, registry=REGISTRY, **answers):
     """Run a tree with the given outcomes; return the change that leads to success, with names of nodes."""
     path.write_text(document(body), encoding="utf-8")
     tree = simulated(path, registry)
-    stream, root = flown(tree, Said(**answers))
+    stream, root = run_and_record(tree, ScriptedPolicy(**answers))
     assert root == "FAILURE"
     names = names_in(stream)
     change = counterfactual(simulated(path, registry), recorded_events(stream), names)
@@ -263,13 +263,13 @@ class ChangedPolicy:
 @pytest.mark.unmeasured
 def test_changed_run_succeeds_and_change_usually_concerns_faulty_leaf(path):
     blamed = []
-    for (faulty, stream, policy), _ in zip(injected(path), range(RUN_COUNT), strict=False):
+    for (faulty, stream, policy), _ in zip(missions_with_fault(path), range(RUN_COUNT), strict=False):
         names = names_in(stream)
         change = counterfactual(simulated(path), recorded_events(stream), names)
         assert change is not None
         assert change.unusual == 0
         leaf = names[change.instead.number]
-        assert flown(simulated(path), ChangedPolicy(policy(), change, leaf))[1] == "SUCCESS"
+        assert run_and_record(simulated(path), ChangedPolicy(policy(), change, leaf))[1] == "SUCCESS"
         blamed.append(leaf == faulty)
     assert len(blamed) == RUN_COUNT
     assert sum(blamed) >= 0.95 * RUN_COUNT

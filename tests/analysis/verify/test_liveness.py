@@ -6,7 +6,7 @@ import pytest
 
 from sar_compiler.analysis.state_search.graph import Numbers
 from sar_compiler.analysis.state_search.liveness import components, endings, is_fair, lasso, owing_for_ever
-from tests.analysis.verify.handmade import explored, numbers
+from tests.analysis.verify.handmade_graphs import explored, numbers
 
 
 def circling_states(graph):

@@ -15,9 +15,9 @@ from sar_compiler.nodes.registry import load_registry
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_trees import random_tree
 from tests.analysis.verify.stage import BROKEN, PROVED, TAGS, simulated_tree
-from tests.analysis.verify.test_forking import PROPERTIES, graph_of
+from tests.analysis.verify.test_branching_points import PROPERTIES, graph_of
 from tests.analysis.verify.test_same_as_py_trees import TICKS, Explored, tick_sequences
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import forest
 
 REGISTRY = load_registry(["tests.analysis.verify.leaves", "tests.analysis.verify.own_controls"])

@@ -15,7 +15,7 @@ from sar_compiler.runtime.kernel.cells import STATUSES
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_trees import random_tree
 from tests.analysis.verify.stage import bound, simulated_tree
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 pytestmark = pytest.mark.unmeasured
 

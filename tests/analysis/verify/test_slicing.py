@@ -14,7 +14,7 @@ from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.predict.stage import CHANCES, PERIOD_SEC, file_of
 from tests.analysis.verify.random_counters import ENUMS, RandomCounters
 from tests.analysis.verify.stage import BROKEN, PROVED, REGISTRY, TAGS, outcome, simulated_tree, verdict
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import forest_of
 
 pytestmark = pytest.mark.unmeasured

@@ -9,8 +9,8 @@ from sar_compiler.analysis.verify.verdicts import AN_END, EVERY_LEAF, NO_ERROR, 
 from sar_compiler.errors import UndecidableError
 from sar_compiler.runtime.events import RETURNED, Event, append_end
 from tests.analysis.verify.stage import bound, outcome, simulated_tree, told, verdict, verified
-from tests.analysis.verify.test_composing import Case, guarded
-from tests.cli.running import run
+from tests.analysis.verify.test_independent_branches import Case, guarded
+from tests.cli.command_runner import run
 from tests.trees import document
 
 PROVED, BROKEN, UNDECIDED = ProofStatus

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.runtime.kernel.flat import cells_of
 from tests.runtime.kernel.random_trees import HAS_FOR_EACH
 from tests.runtime.kernel.stage import Beat, FlatStage, Saved, Seen, bound, random_beats, random_bindings

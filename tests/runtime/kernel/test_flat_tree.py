@@ -18,7 +18,7 @@ from sar_compiler.runtime.ports import Input
 from sar_compiler.runtime.stock import AsyncSequence
 from tests.kernels import python_only
 from tests.runtime.kernel.flat import put_to_rest, stop, tick
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 Delay, OwnTimeout = own("Delay"), own("Timeout")

@@ -13,7 +13,7 @@ from sar_compiler.runtime.kernel.cells import FAILURE, RUNNING, SUCCESS
 from sar_compiler.runtime.kernel.leaf_nodes import insist_on_status
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.stock import Sequence
-from tests.runtime.own import own
+from tests.runtime.node_factories import own
 from tests.runtime.stage import Stage
 
 RunOnce = own("RunOnce")

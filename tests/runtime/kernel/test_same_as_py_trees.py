@@ -5,7 +5,7 @@ import pytest
 from sar_compiler.nodes.registry import default_registry
 from sar_compiler.runtime.kernel.table import STOCK
 from sar_compiler.runtime.parents import EngineBehaviour
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.runtime.kernel.stage import (
     FlatStage,
     HeldStage,

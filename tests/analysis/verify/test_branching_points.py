@@ -21,12 +21,12 @@ from sar_compiler.analysis.verify.properties import parse_property_file, propert
 from sar_compiler.analysis.verify.state import PreparedTree
 from sar_compiler.analysis.verify.stepping import TreeStepper
 from sar_compiler.runtime.kernel.entry_cells import EntryCells
-from tests.analysis.verify.handmade import HandMade
+from tests.analysis.verify.handmade_graphs import HandMade
 from tests.analysis.verify.random_branches import random_branches, random_properties
 from tests.analysis.verify.random_trees import random_parallel
 from tests.analysis.verify.stage import BROKEN, PROVED, TAGS, bound, outcome, simulated_tree, verified
 from tests.analysis.verify.test_same_as_py_trees import trees
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 PROPERTIES = """
 properties:

@@ -1,6 +1,6 @@
 """The stand-in for Nav2 in several processes, each of which a test can kill alone.
 
-`python -m tests.sim.parts` simulates the world and starts the three others; with `--part NAME` it is one of these. As in Nav2,
+`python -m tests.sim.navigation_processes` simulates the world and starts the three others; with `--part NAME` it is one of these. As in Nav2,
 the navigator sends its goal to the controller every second, and the previous goal ends aborted. Here `follow_path` receives the goal of
 `navigate_to_pose`, not a path.
 """
@@ -403,7 +403,7 @@ def _simulate(context: Context, speed: float, signals: StopSignals) -> None:
     node = Node("simulator_places", context=context)
     simulation = Simulation(world, speed=speed, context=context, extra_nodes=[node])
     _publish_true_pose(node, simulation)
-    command = [sys.executable, "-m", "tests.sim.parts", "--part"]
+    command = [sys.executable, "-m", "tests.sim.navigation_processes", "--part"]
     with simulation:
         parts = {name: subprocess.Popen([*command, name], env=dependent_environment()) for name in PARTS}
         for name, process in parts.items():

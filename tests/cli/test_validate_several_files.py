@@ -12,7 +12,7 @@ import pytest
 from sar_compiler import terminal
 from sar_compiler.tree.diagnostic import Diagnostic, Severity, Source, Span
 from sar_compiler.tree.model import NO_SPANS
-from tests.cli import running
+from tests.cli import command_runner
 from tests.processes import BIN
 from tests.trees import document
 
@@ -35,7 +35,7 @@ def write(name, text):
 
 
 def run(capsys, *arguments):
-    return running.run(capsys, "validate", *arguments)
+    return command_runner.run(capsys, "validate", *arguments)
 
 
 def test_files_of_folder_are_counted_and_correct_files_are_not_named(capsys):

@@ -132,7 +132,7 @@ def test_leaves_with_several_outcomes_per_status_are_listed() -> None:
         "DeliverReports",
         "AdvanceZone",
         "AbandonZone",
-        "FullBatterySuffices",  # in tests/missions/test_home_again.py
+        "FullBatterySuffices",  # in tests/missions/test_charging_at_home.py
         "NavigateToCharge",  # as NavigateToBase
         # The following ones are tested in tests/missions/test_sweeping.py.
         "PlanSweep",
@@ -142,6 +142,6 @@ def test_leaves_with_several_outcomes_per_status_are_listed() -> None:
         "AdvancePiece",
         "SkipPiece",
         "IsFindNew",
-        "ReturnInReach",  # in tests/missions/test_home_again.py
+        "ReturnInReach",  # in tests/missions/test_charging_at_home.py
         "NotHeld",  # in tests/faults/test_failsafes.py
     }

@@ -28,7 +28,7 @@ def simulated(tree, registry=REGISTRY):
     return stage_of(load(tree, registry=registry)).play().simulated
 
 
-class Said:
+class ScriptedPolicy:
     """Lets leaves return scripted outcomes in turn, and their nominal outcomes otherwise.
 
     Args:
@@ -92,7 +92,7 @@ class FaultyPolicy:
         return "RUNNING" if now.random() < 0.3 else "SUCCESS"
 
 
-def flown(simulated, policy, journal=None, **about):
+def run_and_record(simulated, policy, journal=None, **about):
     """Return the journal entries of a run and the root's last status.
 
     Args:
@@ -132,16 +132,16 @@ def watched_tick(tree, watch):
         watch.finalise()
 
 
-def injected(path):
+def missions_with_fault(path):
     """Yield the faulty leaf, the journal entries and a factory of the policy of missions that failed because of one fault."""
     for seed in range(10_000):
         chance = random.Random(seed)  # noqa: S311 - the same in every run
         path.write_text(document(a_mission(chance)), encoding="utf-8")
         usual = FaultyPolicy(seed)
-        if flown(simulated(path), usual)[1] != "SUCCESS":
+        if run_and_record(simulated(path), usual)[1] != "SUCCESS":
             continue
         faulty = chance.choice(sorted(usual.asked))
         policy = functools.partial(FaultyPolicy, seed, faulty, chance.randint(0, usual.asked[faulty]))
-        stream, root = flown(simulated(path), policy())
+        stream, root = run_and_record(simulated(path), policy())
         if root == "FAILURE":
             yield faulty, stream, policy

@@ -16,7 +16,7 @@ from search_and_rescue.search import Search
 from search_and_rescue.search_theory import Ground, SearchExpectation
 from search_and_rescue.sweep_record import SweepStates
 from search_and_rescue.zone_manager import DETOUR, MapPose, Zone, ZoneManager
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 # Many runs of code that other tests cover.
 pytestmark = pytest.mark.unmeasured

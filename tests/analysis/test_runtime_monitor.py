@@ -19,7 +19,7 @@ from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_branches import random_branches, random_properties
 from tests.analysis.verify.random_trees import random_tree
 from tests.analysis.verify.stage import BROKEN, TAGS, bound, simulated_tree
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 PROPERTIES = """
   p1: {never: X SUCCESS}

@@ -5,13 +5,13 @@ import re
 
 import pytest
 
-from tests.cli import running
-from tests.cli.test_validating_several import folder, write  # noqa: F401 - a fixture
+from tests.cli import command_runner
+from tests.cli.test_validate_several_files import folder, write  # noqa: F401 - a fixture
 from tests.trees import document
 
 
 def run(capsys, *arguments):
-    return running.run(capsys, "validate", *arguments)
+    return command_runner.run(capsys, "validate", *arguments)
 
 
 def heads(out):

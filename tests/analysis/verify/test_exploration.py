@@ -1,6 +1,6 @@
 """Tests of the exploration of states, in the order of their distance from the start."""
 
-from tests.analysis.verify.handmade import explored, numbers
+from tests.analysis.verify.handmade_graphs import explored, numbers
 
 
 def test_every_reachable_state_is_found_once():

@@ -25,7 +25,7 @@ from sar_compiler.leaves import Decorator, Kind, Tick, register
 from sar_compiler.loaded_tree import load
 from sar_compiler.project import CommandLineSettings
 from sar_compiler.tree.diagnostic import TreeError
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import document
 
 TREE = Path("trees/search_and_rescue.xml").resolve()

@@ -15,7 +15,7 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from tests.faults.mortal import ONCE, Death, Mortal, kinds
+from tests.faults.crashing_mission import ONCE, Death, Mortal, kinds
 
 pytestmark = pytest.mark.ros
 

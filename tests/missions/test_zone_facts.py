@@ -14,7 +14,7 @@ from search_and_rescue.actions.zones import AbandonZone, AdvanceZone, PostponeZo
 from search_and_rescue.record import MissionRecord
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import forest
 
 if TYPE_CHECKING:

@@ -24,8 +24,8 @@ from search_and_rescue.homing_estimates import HomingEstimator
 from search_and_rescue.search import BASE as BASE_NAME
 from search_and_rescue.search import Search
 from search_and_rescue.zone_manager import ZoneManager
-from tests.missions.test_both_trees_verified import broken, verify
-from tests.missions.test_choosing_zones import PlanningServer
+from tests.missions.test_verified_trees import broken, verify
+from tests.missions.test_zone_choice import PlanningServer
 
 if TYPE_CHECKING:
     from tests.missions.mission_stage import Stage

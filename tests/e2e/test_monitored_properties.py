@@ -6,7 +6,7 @@ from contextlib import closing
 import pytest
 
 from sar_compiler.journal.database import JournalFile
-from tests.e2e.test_page_of_a_mission import address
+from tests.e2e.test_mission_page import address
 from tests.processes import Command
 from tests.web.browsers import open_browser
 

@@ -7,7 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from tests.cli.test_what_is_not_installed import run_without
+from tests.cli.test_missing_libraries import run_without
 from tests.groot2.groot2_client import Client
 from tests.processes import free_port
 from tests.trees import document

@@ -116,13 +116,13 @@ SECOND_CLOCK = (
     "… already provides … in this ROS domain, and a simulated robot must not mix with another robot."
 )
 MAKE = {
-    "make: … is Python …; ROS 2 from PyPI has 3.10 to 3.13": ("python", "echo 3.9"),
+    "make: … is Python …, but ROS 2 from PyPI needs 3.10 to 3.13": ("python", "echo 3.9"),
     "make: the headers of … are missing (apt install python…": (
         "python",
         f'case "$2" in *Python.h*) exit 1;; *) exec {sys.executable} "$@";; esac',
     ),
-    "make: there is no C and C++ compiler (apt install g++)": ("other", ""),
-    "make: ROS 2 from PyPI exists for x86-64 Linux only": ("uname", "echo Linux aarch64"),
+    "make: a C and C++ compiler is missing (apt install g++)": ("other", ""),
+    "make: ROS 2 from PyPI needs x86-64 Linux": ("uname", "echo Linux aarch64"),
 }
 MISSING_LIBRARIES = {
     "ROS 2 is missing (…). On a robot, source its installation and workspace": "rclpy",

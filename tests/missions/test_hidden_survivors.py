@@ -16,8 +16,8 @@ from search_and_rescue.hiding import HiddenSurvivor, read_hidden_survivor
 from search_and_rescue.search_theory import Ground, SearchExpectation, TourInputs
 from search_and_rescue.zone_manager import MapPose
 from search_and_rescue.zone_order import order_areas
-from tests.chance import rounds
 from tests.missions.test_offices import begun
+from tests.random_inputs import rounds
 
 SIGMAS = 4
 TREE = "trees/search_areas.xml"

@@ -1,4 +1,4 @@
-"""Imitates a run in a separate process, with its journal and page: `python -m tests.web.flown SCENE JOURNAL`.
+"""Imitates a run in a separate process, with its journal and page: `python -m tests.web.run_scene SCENE JOURNAL`.
 
 It prints the address of its page, and continues until it is killed. At each SIGUSR1 it prints the first line of `--view text`.
 """

@@ -12,7 +12,7 @@ from sar_compiler.journal.row_reader import entries_of, mapping
 from sar_compiler.json_values import json_text
 from sar_compiler.reports.leaf_statistics import RunStatistics, statistics_as_json
 from sar_compiler.reports.why import FailureAnalysis
-from tests.chance import rounds
+from tests.random_inputs import rounds
 
 
 def leaf(name):

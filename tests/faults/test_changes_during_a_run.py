@@ -159,7 +159,7 @@ def _wait_for_pose_away_from_the_start() -> None:
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from nav_msgs.msg import Odometry
 
-    from tests.e2e.witness import Watcher
+    from tests.e2e.observers import Watcher
 
     heard: list[str] = []
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from sar_compiler.analysis.sweep import StoppingRule, SweepError, SweepRow, smallest_failure, sweep
 from sar_compiler.analysis.sweep.workers import ReplaceableExecutor, worker_processes
-from tests.analysis.sweep.plays import EndsItsWorker, all_succeed, odd_ones_fail
+from tests.analysis.sweep.run_functions import EndsItsWorker, all_succeed, odd_ones_fail
 
 
 def ignore(_rows):

@@ -22,9 +22,9 @@ from sar_compiler.runtime.kernel.cells import WORDS
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.skipping import was_skipped
 from sar_compiler.tree.diagnostic import TreeError
-from tests.chance import TIMES
 from tests.checks.outcome_oracle import REGISTRY, leaf
 from tests.node_forms import Form, forms, reads_keys
+from tests.random_inputs import TIMES
 from tests.trees import forest
 
 pytestmark = pytest.mark.unmeasured

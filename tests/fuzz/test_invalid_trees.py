@@ -15,9 +15,9 @@ from sar_compiler.checks import check
 from sar_compiler.cli.compile import main
 from sar_compiler.tree.forest import Forest
 from sar_compiler.tree.xml import parse_xml
-from tests.chance import rounds
 from tests.fuzz.random_trees import PARENTS, REGISTRY, tree_texts, wrong_tree_texts
 from tests.fuzz.test_near_misses import required_values
+from tests.random_inputs import rounds
 
 COMMANDS = [
     *(f"validate a.xml b.xml --format {form}" for form in ("text", "json", "sarif", "github")),

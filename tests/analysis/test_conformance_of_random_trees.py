@@ -15,10 +15,10 @@ from sar_compiler.runtime.events import RETURNED
 from sar_compiler.runtime.kernel.live import LiveTree
 from sar_compiler.runtime.scripting import NodeScriptError
 from sar_compiler.runtime.walking import pre_order
-from tests.analysis.test_property_watch import ByChance, Scripted, broken_runs, cases, watch_robot
+from tests.analysis.test_runtime_monitor import ByChance, Scripted, broken_runs, cases, watch_robot
 from tests.analysis.verify.stage import TAGS
-from tests.chance import rounds
-from tests.views.flown import watched_tick
+from tests.random_inputs import rounds
+from tests.views.recorded_runs import watched_tick
 
 TICKS = 12
 WRONG = (PropertyResult.BROKEN, PropertyResult.IN_DOUBT)

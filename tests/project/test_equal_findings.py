@@ -11,8 +11,8 @@ from typing import NamedTuple
 import pytest
 
 from sar_compiler.cli.compile import main
-from tests.chance import rounds
 from tests.project.random_repositories import MISTAKES, SETTINGS, Repository
+from tests.random_inputs import rounds
 
 # Cheaper tests of each rule and each setting cover the same lines.
 pytestmark = pytest.mark.unmeasured

@@ -10,7 +10,7 @@ from tests.waiting import Stopwatch
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
-PARTS = "python", "-m", "tests.sim.parts"
+PARTS = "python", "-m", "tests.sim.navigation_processes"
 
 
 class DrivingMission:

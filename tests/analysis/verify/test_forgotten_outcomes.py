@@ -6,7 +6,7 @@ from sar_compiler.analysis.verify import verify
 from sar_compiler.tree.diagnostic import TreeError
 from tests.analysis.verify.random_trees import random_tree
 from tests.analysis.verify.stage import bound, simulated_tree
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.runtime.kernel.stage import FlatStage
 from tests.runtime.kernel.stage import bound as bound_tree
 

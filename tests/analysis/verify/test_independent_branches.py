@@ -14,7 +14,7 @@ from sar_compiler.budget import Budget
 from sar_compiler.compiler import bind_main
 from tests.analysis.verify.random_branches import random_branches, random_properties
 from tests.analysis.verify.stage import BROKEN, PROVED, REGISTRY, TAGS, outcome, simulated_tree, verdict
-from tests.chance import rounds
+from tests.random_inputs import rounds
 from tests.trees import document, forest_of
 
 _PLAINLY = 10**9
