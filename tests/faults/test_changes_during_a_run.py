@@ -269,4 +269,4 @@ def test_suspended_supervisor_blames_no_run(fly, serve, tmp_path):
     for process in (run.pid, child, guardian):
         os.kill(process, signal.SIGCONT)
     assert run.end() == 0, run.output
-    assert "has died" not in run.output
+    assert "has crashed" not in run.output

@@ -121,14 +121,14 @@ def test_stopped_mission_is_not_restarted(misbehave):
     run = misbehave(0, "SIGKILL", "--supervise", "--until", "failure")
     run.wait_for("starting again")
     assert run.stop(within_sec=5.0) == 130, run.output
-    assert "has died" not in run.output
+    assert "has crashed" not in run.output
 
 
 def test_supervisor_writes_reports_of_killed_process(misbehave, tmp_path):
     reports = ("--report", "run.html", "--report", "run.json")
     run = misbehave(0, "die before the report", "--supervise", *reports)
     assert run.end() == 0, run.output
-    assert "has died" not in run.output
+    assert "has crashed" not in run.output
     assert json.loads((tmp_path / "run.json").read_text())["runs"]
     assert (tmp_path / "run.html").is_file()
 

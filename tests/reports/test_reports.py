@@ -604,7 +604,7 @@ class TestHtml:
         assert "Positions are coordinates on the robot&#39;s map, not latitude and longitude." in limits(
             parameters={}
         )
-        assert "not on the earth" not in limits()
+        assert "not latitude and longitude" not in limits()
         assert "The end of the run is not recorded." in limits(ended=False)
 
     def test_mission_without_open_tasks_states_so(self):
