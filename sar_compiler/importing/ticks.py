@@ -23,6 +23,7 @@ A TryCatch with `catch_on_halt` ticks its last child while it is halted by a tim
 """
 
 from array import array
+from bisect import insort
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from typing import NamedTuple
@@ -624,7 +625,8 @@ class TickFinder:
         """Move the end of each leaf with its own thread to the tick in which the parent processes this end."""
         recording, count = self._recording, len(self._nodes)
         uids, statuses = recording.uids, recording.statuses
-        held: dict[int, int] = {}
+        # The indices of the ends that no parent has processed so far.
+        held: list[int] = []
         # The indices of the ends to insert before a change, by the index of that change; and the indices of changes to omit at their own positions.
         moved: dict[int, list[int]] = {}
         left_out: set[int] = set()
@@ -632,15 +634,18 @@ class TickFinder:
         for index, uid in enumerate(uids):
             if not 0 < uid <= count:
                 continue
-            for parent in [each for each in held if self._shows_end(index, uids[held[each]])] if held else ():
-                is_same = self._is_passed_over(held[parent]) and self._is_close(held[parent], index)
-                if is_same and statuses[index] != IDLE:
+            for end in [each for each in held if self._shows_end(index, uids[each])]:
+                parent = self._parents[uids[end]]
+                is_same = self._is_passed_over(end) and self._is_close(end, index)
+                # A Parallel resets its children in order. So the reset of a later node is not a reset by the Parallel.
+                if is_same and (statuses[index] != IDLE or uid > uids[end]):
                     continue
-                if is_same and self._needs_end(index, parent, held[parent], was):
-                    left_out.discard(held[parent])
-                elif not is_same and self._was_noticed(index, parent, held[parent], was):
-                    moved.setdefault(index, []).append(held[parent])
-                del held[parent]
+                if is_same and self._needs_end(index, parent, end, was):
+                    left_out.discard(end)
+                elif not is_same and self._was_noticed(index, parent, end, was):
+                    # A parent processes the ends of its children in order.
+                    insort(moved.setdefault(index, []), end, key=uids.__getitem__)
+                held.remove(end)
             parent, status = self._parents[uid], statuses[index]
             if (
                 status == RUNNING
@@ -661,9 +666,9 @@ class TickFinder:
                     or not self._was_noticed(index + 1, parent, index, was)
                 )
             ):
-                held[parent] = index
+                held.append(index)
                 left_out.add(index)
-        left_out.difference_update(held.values())
+        left_out.difference_update(held)
         if left_out:
             self._reorder(moved, left_out)
 
@@ -689,20 +694,21 @@ class TickFinder:
         return self._recording.times[later] - self._recording.times[index] < _LEAST_USEC
 
     def _is_passed_over(self, index: int) -> bool:
-        """Return whether a leaf ended after its Parallel had ticked a later child, with which the Parallel continues."""
+        """Return whether a leaf ended after its Parallel had ticked a later child, with which the Parallel continues.
+
+        The end of the leaf is neither the first nor the last change of the recording.
+        """
         uids, leaf = self._recording.uids, self._recording.uids[index]
-        parent = self._parents[leaf]
-        is_later = index > 0 and leaf < uids[index - 1] < self._ends[parent]
+        parent, before, following = self._parents[leaf], uids[index - 1], uids[index + 1]
         if (
-            not is_later
+            not leaf < before < self._ends[parent]
             or self._rules[parent] is not WaitRule.PARALLEL
             or not self._is_close(index - 1, index)
         ):
             return False
-        # If an earlier child changes next, the next tick has begun.
-        is_in_next = index + 1 < len(uids) and leaf < uids[index + 1] < self._ends[parent]
-        is_in_next &= self._ends[uids[index + 1]] <= uids[index - 1] if is_in_next else False
-        return not is_in_next or self._recording.statuses[index + 1] == IDLE
+        # If an earlier child changes next, the next tick has begun, unless this child only resets its own children.
+        is_earlier = leaf < following < before and self._ends[following] <= before
+        return not is_earlier or self._recording.statuses[index + 1] == IDLE
 
     def _must_continue(self, index: int, parent: int, statuses: Sequence[int]) -> bool:
         """Return whether a parent must end or tick another child in the tick in which it processes a child's end."""
@@ -719,12 +725,16 @@ class TickFinder:
     def _shows_end(self, index: int, leaf: int) -> bool:
         """Return whether a change shows that the leaf's parent has processed the end of the leaf."""
         uid, parent = self._recording.uids[index], self._parents[leaf]
-        is_reset = (
-            self._recording.statuses[index] == IDLE
-            and uid <= len(self._nodes)
-            and self._parents[uid] == parent
-        )
-        return uid == parent or is_reset or leaf <= uid < self._ends[parent]
+        if parent < uid < leaf:
+            return self._recording.statuses[index] == IDLE and self._parents[uid] == parent
+        return parent <= uid < self._ends[parent]
+
+    def _skip_resets(self, index: int, parent: int) -> int:
+        """Return the index of the first change, from *index* on, that does not reset a descendant of the given node."""
+        uids, statuses = self._recording.uids, self._recording.statuses
+        while index < len(uids) and parent < uids[index] < self._ends[parent] and statuses[index] == IDLE:
+            index += 1
+        return index
 
     def _needs_end(self, index: int, parent: int, end: int, was: Sequence[int]) -> bool:
         """Return whether a Parallel can have ended only because the given leaf had ended.
@@ -732,9 +742,7 @@ class TickFinder:
         The Parallel resets its children from the change *index* on; the leaf ends at the change *end*.
         """
         uids, statuses = self._recording.uids, self._recording.statuses
-        leaf = uids[end]
-        while index < len(uids) and parent < uids[index] < self._ends[parent] and statuses[index] == IDLE:
-            index += 1
+        leaf, index = uids[end], self._skip_resets(index, parent)
         if uids[index : index + 1] != array("H", [parent]) or statuses[index] == IDLE:
             return False
         return not self._is_decided(
@@ -749,14 +757,10 @@ class TickFinder:
         uids, statuses = self._recording.uids, self._recording.statuses
         if statuses[index] != IDLE:
             return True
-        first, *others = self._children[parent]
-        if self._branches[parent] and uids[end] != first and was[first] in (SUCCESS, FAILURE):
-            branch = others[:1] if was[first] == SUCCESS else others[1:]
-            if branch != [uids[end]]:
-                return False
-        at = index
-        while at < len(uids) and parent < uids[at] < self._ends[parent] and statuses[at] == IDLE:
-            at += 1
+        first, second, *_ = (*self._children[parent], 0)
+        if self._branches[parent] and was[first] == FAILURE and uids[end] == second:
+            return False  # a WhileDoElse halts its second child if its condition fails
+        at = self._skip_resets(index, parent)
         bound = self._nodes[parent - 1].bound
         if bound.spec.semantics.possible is attempt and uids[at : at + 1] == array(
             "H", [self._children[parent][-1]]
