@@ -344,7 +344,8 @@ class JournalFile:
         unknown = [
             (kind, name)
             for kind, name, text in objects
-            if text not in known and not _is_created_by_sqlite(name, text)
+            # ANALYZE creates tables for statistics.
+            if text not in known and not str(name).startswith("sqlite_stat")
         ]
         if unknown:
             kind, name = unknown[0]
@@ -804,11 +805,6 @@ def _schema_definitions() -> frozenset[str]:
 
 def _end_of_run(end: RunEnd) -> tuple[object, ...]:
     return end.wall, end.ending.value, end.status, end.reason, end.run
-
-
-def _is_created_by_sqlite(name: object, text: object) -> bool:
-    """Return whether SQLite itself created a schema object, such as the index of a primary key."""
-    return (text is None and str(name).startswith("sqlite_autoindex_")) or str(name).startswith("sqlite_stat")
 
 
 def _placeholders(values: Sequence[str]) -> str:

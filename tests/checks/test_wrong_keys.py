@@ -494,3 +494,12 @@ def test_possible_enumerator_is_reported_with_that_reason():
         "unless it is an enumerator; to declare enumerators, use [language.enums] in sar.toml"
         in finding.message
     )
+
+
+def test_inout_port_may_use_key_that_no_node_writes():
+    model = (
+        '<TreeNodesModel><Action ID="Edit"><inout_port name="pose" type="Pose"/></Action></TreeNodesModel>'
+    )
+    tree = '<BehaviorTree ID="Main"><Edit pose="{pose}"/></BehaviorTree>'
+    text = f'<root BTCPP_format="4" main_tree_to_execute="Main">{tree}{model}</root>'
+    assert check(forest_of(text), default_registry()) == []

@@ -33,3 +33,12 @@ planner_server:
     assert (nav2.speed, nav2.turn, nav2.tolerance) == (0.3, 1.8, 0.4)
     assert (nav2.follower.position_tolerance, nav2.follower.yaw_tolerance) == (0.1, 0.2)
     assert nav2.server_timeout_sec == pytest.approx(0.02)
+
+
+def test_parameter_file_without_list_of_plugins_uses_default_names(tmp_path: Path) -> None:
+    parameters = tmp_path / "nav2.yaml"
+    parameters.write_text(
+        "controller_server:\n  ros__parameters: {controller_plugins: 5, FollowPath: {desired_linear_vel: 0.3}}\n",
+        encoding="utf-8",
+    )
+    assert like_nav2(parameters).speed == 0.3

@@ -22,6 +22,7 @@ from sar_compiler.views.drawing import (
     svg,
     too_large,
 )
+from sar_compiler.views.run_tree import describe_tree
 from tests.trees import document, forest_of
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -340,3 +341,8 @@ digraph "Main" {
 }
 """
     )
+
+
+def test_description_for_journal_contains_shape_and_sign_of_each_node():
+    _, of_run = describe_tree(tree_of("<Sequence><AlwaysSuccess/></Sequence>"))
+    assert of_run["looks"] == [["sequence", "→"], ["action", ""]]
