@@ -757,9 +757,12 @@ class TickFinder:
         uids, statuses = self._recording.uids, self._recording.statuses
         if statuses[index] != IDLE:
             return True
-        first, second, *_ = (*self._children[parent], 0)
-        if self._branches[parent] and was[first] == FAILURE and uids[end] == second:
-            return False  # a WhileDoElse halts its second child if its condition fails
+        first, *others = self._children[parent]
+        if self._branches[parent] and uids[end] != first and was[first] in (SUCCESS, FAILURE):
+            # A WhileDoElse halts the child of the other branch if the result of its condition changes.
+            branch = others[:1] if was[first] == SUCCESS else others[1:]
+            if branch != [uids[end]]:
+                return False
         at = self._skip_resets(index, parent)
         bound = self._nodes[parent - 1].bound
         if bound.spec.semantics.possible is attempt and uids[at : at + 1] == array(
