@@ -634,7 +634,8 @@ class TickFinder:
         for index, uid in enumerate(uids):
             if not 0 < uid <= count:
                 continue
-            for end in [each for each in held if self._shows_end(index, uids[each])]:
+            shown = [each for each in held if self._shows_end(index, uids[each])]
+            for end in [*shown]:
                 parent = self._parents[uids[end]]
                 is_same = self._is_passed_over(end) and self._is_close(end, index)
                 # A Parallel resets its children in order. So the reset of a later node is not a reset by the Parallel.
@@ -642,7 +643,11 @@ class TickFinder:
                     continue
                 if is_same and self._needs_end(index, parent, end, was):
                     left_out.discard(end)
-                elif not is_same and self._was_noticed(index, parent, end, was):
+                elif (
+                    not is_same
+                    and self._was_noticed(index, parent, end, was)
+                    and not self._was_decided_before(parent, end, shown, was)
+                ):
                     # A parent processes the ends of its children in order.
                     insort(moved.setdefault(index, []), end, key=uids.__getitem__)
                 held.remove(end)
@@ -664,6 +669,7 @@ class TickFinder:
                     self._is_passed_over(index)
                     or not self._shows_end(index + 1, uid)
                     or not self._was_noticed(index + 1, parent, index, was)
+                    or self._was_decided_before(parent, index, [*held, index], was)
                 )
             ):
                 held.append(index)
@@ -729,10 +735,34 @@ class TickFinder:
             return self._recording.statuses[index] == IDLE and self._parents[uid] == parent
         return parent <= uid < self._ends[parent]
 
+    def _was_decided_before(self, parent: int, end: int, shown: Sequence[int], was: Sequence[int]) -> bool:
+        """Return whether a Parallel had its result before it processed the given end, which it then ignored.
+
+        *shown* has the indices of all ends that its next change shows.
+        """
+        if self._rules[parent] is not WaitRule.PARALLEL:
+            return False
+        uids = self._recording.uids
+        later = {uids[each] for each in shown if uids[each] >= uids[end]}
+        found = [RUNNING if child in later else was[child] for child in self._children[parent]]
+        return self._is_decided(parent, found)
+
     def _skip_resets(self, index: int, parent: int) -> int:
-        """Return the index of the first change, from *index* on, that does not reset a descendant of the given node."""
+        """Return the index of the first change, from *index* on, that does not reset a descendant of the given node.
+
+        Ends of other leaves with their own threads, which may be logged at any time, are skipped, too.
+        """
         uids, statuses = self._recording.uids, self._recording.statuses
-        while index < len(uids) and parent < uids[index] < self._ends[parent] and statuses[index] == IDLE:
+        while index < len(uids):
+            uid = uids[index]
+            if parent < uid < self._ends[parent]:
+                is_skipped = statuses[index] == IDLE
+            else:
+                is_skipped = (
+                    uid <= len(self._nodes) and self._threads[uid] and statuses[index] in (SUCCESS, FAILURE)
+                )
+            if not is_skipped:
+                break
             index += 1
         return index
 

@@ -514,3 +514,32 @@ def test_leaf_that_lasts_elsewhere_ends_in_tick_after_its_start():
         "0: all RUNNING, far RUNNING, steps RUNNING, near RUNNING, near SUCCESS, Lamp RUNNING",
     )
     assert ticks == ["all RUNNING, far RUNNING, steps RUNNING, near RUNNING", "near SUCCESS, Lamp RUNNING"]
+
+
+def test_end_of_later_child_is_ignored_if_earlier_child_has_decided_parallel():
+    ticks = ticks_of(
+        '<Parallel name="root" success_count="2"><Parallel name="both" success_count="1"><Arm/><Drive/></Parallel><Look/></Parallel>',
+        """
+          0: root RUNNING, both RUNNING, Arm RUNNING, Drive RUNNING, Arm SUCCESS, Look RUNNING
+        150: Drive SUCCESS
+        200: Arm IDLE, Drive IDLE, both SUCCESS
+        """,
+    )
+    assert ticks == [
+        "root RUNNING, both RUNNING, Arm RUNNING, Drive RUNNING, Look RUNNING",
+        "Arm SUCCESS, Arm IDLE, Drive IDLE, both SUCCESS",
+    ]
+
+
+def test_end_of_another_thread_may_be_logged_between_reset_and_end_of_parent():
+    ticks = ticks_of(
+        '<Parallel name="root" success_count="3"><Lift/>'
+        '<WhileDoElse name="while"><LightOk/><Drive/><Lamp/></WhileDoElse><Look/></Parallel>',
+        """
+          0: root RUNNING, Lift RUNNING, while RUNNING, LightOk SUCCESS, Drive RUNNING, Look RUNNING
+        150: Drive SUCCESS
+        200: LightOk IDLE, Lift SUCCESS, Drive IDLE, while SUCCESS
+        300: Look SUCCESS, Lift IDLE, while IDLE, Look IDLE, root SUCCESS
+        """,
+    )
+    assert "Drive SUCCESS, LightOk IDLE" in " | ".join(ticks)
